@@ -25,7 +25,7 @@ test: lint fmus  ## what the continuous integration runs, on all processors; ARG
 
 soak: fmus  ## the tests that calls, kills, load orders and compilers make stronger, with many more of them: hours
 	PS_FMU_SOAK=1 $(BIN)/python -m pytest tests/host/test_calls.py tests/host/test_system.py tests/fmus/test_same_bits.py \
-		tests/runs/test_resume.py tests/studies/test_studies_sweep.py tests/slavekit/test_c_program.py $(ARGS)
+		tests/runs/test_resume.py tests/studies/test_studies_sweep.py tests/native/test_native.py $(ARGS)
 
 docs: fmus  ## the documentation as a site in build/docs; opens without a network
 	$(BIN)/python docs/site/build.py $(ARGS)
@@ -43,10 +43,7 @@ dist: fmus  ## wheel, sdist and FMUs in dist, with their SHA-256
 fmus: build/fmus/.built  ## the FMUs in build/fmus
 
 launcher: .venv/.installed  ## what is compiled in the package, made again: the same bytes from the same sources
-	$(BIN)/python -m ps_fmu.slavekit.launcher.compile
-	$(BIN)/python -m ps_fmu.fmucheck.host.compile
-	$(BIN)/python -m ps_fmu.cosim.native
-	$(BIN)/python -m ps_fmu.interface.numerics_program
+	$(BIN)/python -m ps_fmu.native
 
 pythons: .venv/.installed  ## the other versions of Python that this machine has, for the tests (0.5 GB each)
 	@for version in 3.11 3.12 3.13; do \

@@ -2,7 +2,7 @@
 
 The default system, in steps of 1e-4 s; isolation with two C FMUs that pass numbers on, so that a step is the exchange
 alone.  Figures are medians over the rounds: us a step, by the clock that is named, and the ratio to the other run of
-the same round.  The thread's clock is that of the loop; with observers and checkpoints the work beside it counts, too.
+the same round.  The thread's clock is that of the loop.
 Exit code 1 if a limit is missed.
 """
 
@@ -98,7 +98,6 @@ def run_observed(
     clock: str,
     names: Collection[str] = OBSERVERS,
     *,
-    beside: bool = False,
     checkpoints: int = 0,
     share: float | None = None,
 ) -> Round:
@@ -123,7 +122,7 @@ def run_observed(
             chosen = [observer for name in names for observer in every[name]]
 
             def work() -> None:
-                master.run(duration, chosen, beside=beside, checkpoints=kept)
+                master.run(duration, chosen, checkpoints=kept)
                 recorder.close()
 
             return time(clock, work)
@@ -152,16 +151,15 @@ FEATURES = (
     Feature("scheme: iterated", partial(run_plain, scheme=Scheme("iterated")), length=0.04),
     Feature("scheme: error estimate", partial(run_plain, scheme=Scheme("jacobi", error_estimate=True)), length=0.02),
     Feature("observers", run_observed, clock="processor"),
-    Feature("observers, beside", partial(run_observed, beside=True), clock="processor"),
     *(Feature(f"observer: {name}", partial(run_observed, names=(name,)), clock="processor") for name in OBSERVERS),
-    Feature(_WATCHED, partial(run_observed, beside=True), clock="processor", length=120.0),
+    Feature(_WATCHED, run_observed, clock="processor", length=120.0),
     Feature(
         "checkpoints: six, all taken",
-        partial(run_observed, beside=True, checkpoints=6), _WATCHED, "processor", length=120.0,
+        partial(run_observed, checkpoints=6), _WATCHED, "processor", length=120.0,
     ),
     Feature(
         "checkpoints: six due, as --checkpoint",
-        partial(run_observed, beside=True, checkpoints=6, share=SHARE), _WATCHED, "processor", length=120.0, most=1.02,
+        partial(run_observed, checkpoints=6, share=SHARE), _WATCHED, "processor", length=120.0, most=1.02,
     ),
     Feature("two C FMUs", partial(run_through, isolation=None), "two C FMUs", clock="wall"),
     Feature(

@@ -20,7 +20,7 @@ from fmpy import extract, read_model_description
 from numpy.typing import NDArray
 from rounds import FMUS, HERE, STEP, Figures, Limit, compile_c, run_benchmark
 
-from ps_fmu.disturbance.kinds.recording import HEADER
+from ps_fmu.disturbance.recording import HEADER
 
 Array = NDArray[np.float64]
 LEFT_OUT = 100  # first steps, in which maps and first tables are made

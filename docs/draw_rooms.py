@@ -14,7 +14,7 @@ from matplotlib.patches import FancyArrowPatch, FancyBboxPatch
 
 PACKAGE = Path(__file__).parents[1] / "src" / "ps_fmu"
 COMMANDS = "command line\nand Python API"  # the files at the top of the package
-LEFT_OUT = ("product", "terminal")  # where files lie, and how errors are shown: anybody may ask them
+LEFT_OUT = ("product", "terminal", "native")  # where files lie, how errors are shown, compiled code: anybody may ask
 KINDS = {
     "physics": ("#E7F3EC", "mechanism control actuators sensors disturbance theory interface numerics"),
     "co-simulation": ("#E8EFF9", "cosim slavekit fmucheck reduction"),
@@ -43,7 +43,7 @@ def find_imports() -> dict[str, set[str]]:
     for path in sorted(PACKAGE.rglob("*.py")):
         place = path.relative_to(PACKAGE)
         room = place.parts[0] if len(place.parts) > 1 else COMMANDS
-        if room not in found or place.name in ("compiled_files.py", "child_processes.py", "terminal.py"):
+        if room not in found or place.name in ("child_processes.py", "terminal.py"):
             continue
         for name in _list_imported(path, place):
             if name in found and name != room:

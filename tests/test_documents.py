@@ -4,10 +4,7 @@ import importlib.util
 import re
 from pathlib import Path
 
-import numpy as np
 import pytest
-from matplotlib import image
-from support.models import MODELS
 
 ROOT = Path(__file__).parents[1]
 PLACES = "*.md", "fmus/**/*.md", "docs/**/*.md", "system/**/*.md"
@@ -64,15 +61,6 @@ def test_the_study_of_the_schemes_is_drawn(tmp_path):
         made, there = row.split(" | ")[1:], cells.split(" | ")
         assert row.startswith(f"| {name} |")
         assert [made[1], made[3].removesuffix(" |")] == [there[1], there[3]], "errors with the longest step"
-
-
-def test_the_icons_are_those_that_the_script_draws(tmp_path):
-    icons = script("draw_icons")
-    for name in MODELS.values():
-        icons.draw(name, tmp_path / "icon.png")
-        drawn, kept = (image.imread(path) for path in (tmp_path / "icon.png", ROOT / "fmus" / name / "icon.png"))
-        assert drawn.shape == (128, 128, 4)
-        np.testing.assert_allclose(drawn, kept, atol=0.02)
 
 
 def test_the_architecture_is_that_of_today(tmp_path):

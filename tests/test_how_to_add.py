@@ -11,8 +11,8 @@ import pytest
 ROOT = Path(__file__).parents[1]
 EXAMPLES = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "how-to-add.md").read_text(encoding="utf-8"), re.DOTALL)
 SCENARIOS = ROOT / "src" / "ps_fmu" / "runs" / "scenario.py"
-TONES = ROOT / "src" / "ps_fmu" / "disturbance" / "kinds" / "tones.py"
-IMPORTS = TONES.read_text(encoding="utf-8").split("\n\n\n")[0]
+DISTURBANCE = ROOT / "src" / "ps_fmu" / "disturbance"
+IMPORTS = (DISTURBANCE / "tones.py").read_text(encoding="utf-8").split("\n\n\n")[0]
 
 RUN_SCENARIO = """
 from ps_fmu.runs.execute import run_scenario
@@ -63,5 +63,9 @@ def test_a_scenario_is_one_file(run_in_copy, built_fmus, tmp_path):
 
 
 def test_a_kind_of_disturbance_is_one_file(run_in_copy):
-    printed = run_in_copy({"disturbance/kinds/steps.py": f"{IMPORTS}\n\n{EXAMPLES[2]}"}, MAKE_FORCE)
+    end = "RecordingSettings)\n"
+    total = (DISTURBANCE / "total.py").read_text(encoding="utf-8").replace(end, "RecordingSettings, StepSettings)\n")
+    total = total.replace("from .tones import", "from .steps import StepSettings\nfrom .tones import")
+    files = {"disturbance/steps.py": f"{IMPORTS}\n\n{EXAMPLES[2]}", "disturbance/total.py": total}
+    printed = run_in_copy(files, MAKE_FORCE)
     assert printed == "[2.0, 0.0, 0.0, 0.0, 0.0, 0.0]\n"

@@ -153,7 +153,7 @@ def _add_python_options(parser: argparse.ArgumentParser) -> None:
 def _build(options: argparse.Namespace) -> int:
     from .slavekit.pack.build import build_one, find_folders
     from .slavekit.pack.errors import BuildError
-    from .slavekit.pack.from_source import build_script
+    from .slavekit.pack.foreign import build_script
 
     python = {"interpreter": options.interpreter, "bundled": options.bundle}
     try:
@@ -185,7 +185,7 @@ def _add_wrap(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
 
 def _wrap(options: argparse.Namespace) -> int:
     from .slavekit.pack.errors import BuildError
-    from .slavekit.pack.wrap import wrap
+    from .slavekit.pack.foreign import wrap
 
     try:
         _print_fmu(*wrap(options.fmu, options.output, interpreter=options.interpreter, bundled=options.bundle))
@@ -349,20 +349,12 @@ def _add_crosscheck(commands: argparse._SubParsersAction[argparse.ArgumentParser
         metavar="DIR",
         help="folder whose folders hold <Model>_ref.opt (default: the sources of ps_fmu)",
     )
-    instead = crosscheck.add_mutually_exclusive_group()
-    instead.add_argument("--write", action="store_true", help="write new reference solutions instead")
-    instead.add_argument(
-        "--output",
-        type=read_output,
-        metavar="DIR",
-        help="write what agrees into this folder, as a tree ready for the FMI cross-check repository",
-    )
+    crosscheck.add_argument("--write", action="store_true", help="write new reference solutions instead")
     crosscheck.set_defaults(run=_crosscheck)
 
 
 def _crosscheck(options: argparse.Namespace) -> int:
     from .fmucheck import crosscheck
-    from .fmucheck.submission import complies, write_submission
     from .slavekit.pack.errors import BuildError
 
     failed = False
@@ -384,10 +376,6 @@ def _crosscheck(options: argparse.Namespace) -> int:
             verdict = "agrees" if deviation <= tolerance else "DIFFERS"
             difference = f"relative deviation {deviation:.1e}, allowed {tolerance:.1e}"
             print(f"{reference.model:24}{verdict}  {difference}", flush=True)
-            if options.output is not None and deviation <= tolerance:
-                folder = write_submission(reference, fmu, options.output)
-                remark = "" if complies(folder) else "  (needs a Python: see notCompliantWithLatestRules in it)"
-                print(f"{folder}{remark}", flush=True)
     except (crosscheck.CrossCheckError, BuildError, OSError) as error:
         print(f"ps-fmu crosscheck: {reason(error)}", file=sys.stderr)
         return EXIT_FAILED

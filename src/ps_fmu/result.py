@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from markupsafe import escape
 
-from .cosim.ssp.xml_parts import start_values_xml
+from .cosim.ssp.writing import start_values_xml
 from .cosim.structure import Parameter, Value, suggest_names
 from .results.datasets import list_cases, make_dataset, read_case
 from .runs.options import PARAMETERS, REPORT, RESULTS, SUMMARY, OptionError, claim_folder
@@ -165,7 +165,7 @@ class Result:
             options = replace(options, parameters=(*options.parameters, path))
         write_origin(folder / RESULTS, options, run.system)
         assert run.system.kept is not None
-        run.system.kept.write(folder / RESULTS, run.system.results.find(folder / RESULTS))
+        run.system.kept.write(folder / RESULTS)
         publish(options, run.system, findings)
 
     def plot(self, name: str = "payload_rotation", cases: Sequence[str] | None = None) -> ShownFigure:

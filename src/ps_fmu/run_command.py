@@ -17,7 +17,7 @@ from pathlib import Path
 
 from .cosim.checkpoint.options import add_checkpoint_options
 from .cosim.errors import CosimError, UsageError
-from .cosim.isolation.options import add_isolation_options, read_isolation
+from .cosim.isolation.instance import add_isolation_options, read_isolation
 from .cosim.ssp.reading import read_system
 from .cosim.structure import suggest_names
 from .product.files import find_file, find_product, list_system_files

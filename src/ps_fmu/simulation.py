@@ -14,7 +14,7 @@ from typing import Self, TypedDict, Unpack
 import numpy as np
 
 from .cosim.errors import UsageError
-from .cosim.isolation.options import make_isolation
+from .cosim.isolation.instance import make_isolation
 from .cosim.structure import Value, suggest_names
 from .product.files import find_file, find_product
 from .result import Result, read_folder, write_values

@@ -15,7 +15,7 @@ SCRIPTS = {
     "start": ("--resets 40 --masters 15", {"starts_s", "growth"}),
     "scaling": ("--steps 20", {"fmus", "connections", "threads"}),
     "study": ('--cases 2 --duration 0.01 --settling 0.02 --studies "from a checkpoint"', {"from a checkpoint"}),
-    "features": ("--steps 8", {"plain", "observers, beside", "two C FMUs, isolated", "scheme: error estimate"}),
+    "features": ("--steps 8", {"plain", "observers", "two C FMUs, isolated", "scheme: error estimate"}),
     "real_time": ('--steps 200 --runs plant "isolator, delay"', {"us"}),
 }
 """Script -> options, and some of the names of its figures."""

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.checkpoints import STEPS, H, Keep, check_same, edit, read_parts, run, write_parts
+from support.checkpoints import STEPS, H, Keep, check_same, edit, run
 from support.faults import write
 from support.linear import make_heavy, make_oscillator, make_two_motions
 from support.relays import description, relay, system, wire
@@ -132,13 +132,13 @@ def failing(mixed, tmp_path):
         lambda faults: faults["memories"][0].update(fault=99),
         lambda faults: faults["memories"][0].update(input="gain.y"),
         lambda faults: faults["memories"][0].update(memory=1.0),
-        lambda faults: faults["memories"][0].update(memory={**faults["memories"][0]["memory"], "shape": [1, 8]}),
+        lambda faults: faults["memories"][0].update(memory=faults["memories"][0]["memory"][None]),
         lambda faults: faults.pop("memories"),
     ],
 )
 def test_tampered_memories_of_faults_are_refused(failing, change):
     system, faults, kept = failing
-    edit(max(kept.glob("row-*.zip")), lambda head: change(head["content"]["faults"]))
+    edit(max(kept.glob("row-*.msgpack")), lambda tree: change(tree["faults"]))
     with pytest.raises(CheckpointError, match="is a damaged checkpoint"):
         run(system, Checkpoints(kept, 0.05, resume=True), faults=faults)
 
@@ -147,10 +147,11 @@ def test_tampered_memories_of_faults_are_refused(failing, change):
 def test_a_memory_is_read_at_steps_alone(failing, wrong):
     """The loop in C takes the step at which a delay began for a place in the memory."""
     system, faults, kept = failing
-    path = max(kept.glob("row-*.zip"))
-    head, data = read_parts(path)
-    place = head["arrays"][head["content"]["faults"]["memories"][0]["memory"]["$array"]]["offset"]
-    write_parts(path, head, data[:place] + np.float64(wrong).tobytes() + data[place + 8 :])
+
+    def change(tree):
+        tree["faults"]["memories"][0]["memory"][0] = wrong
+
+    edit(max(kept.glob("row-*.msgpack")), change)
     with pytest.raises(CheckpointError, match=r"is a damaged checkpoint.*an effect from step"):
         run(system, Checkpoints(kept, 0.05, resume=True), faults=faults)
 
@@ -270,7 +271,7 @@ def test_another_scheme_does_not_go_on(masses, tmp_path, other, words):
 def test_tampered_memories_of_schemes_are_refused(masses, tmp_path, change):
     scheme = Scheme("iterated", "linear")
     keep_one(masses, tmp_path, scheme, 20)
-    edit(max(tmp_path.glob("row-*.zip")), lambda head: change(head["content"]))
+    edit(max(tmp_path.glob("row-*.msgpack")), change)
     with pytest.raises(CheckpointError, match="is a damaged checkpoint"):
         run(masses, Checkpoints(tmp_path, 0.1, resume=True), scheme=scheme, events=())
 

@@ -7,9 +7,8 @@ import pytest
 from support.checkpoints import STEPS, H, Keep, check_same, run
 
 from ps_fmu.cosim import Master, UsageError
-from ps_fmu.cosim.checkpoint.checkpoints import Checkpoints
-from ps_fmu.cosim.checkpoint.folder import CheckpointFolder
-from ps_fmu.cosim.checkpoint.pace import LOOK_S, Pace
+from ps_fmu.cosim.checkpoint.checkpoints import LOOK_S, Checkpoints, Pace
+from ps_fmu.cosim.checkpoint.files import CheckpointFolder
 
 
 class Clock:
@@ -40,15 +39,10 @@ def written(monkeypatch):
 
 
 def take(pace, clock, rows_s=0.0):
-    """A checkpoint that takes 0.1 s in the loop and 0.3 s beside it, half a second later."""
-    pace.begin(rows_s)
-    with pace.count():
-        clock.now += 0.1
-    clock.now += 0.5
-    with pace.count():
-        clock.now += 0.3
-    pace.end()
-    return clock.now - 0.9
+    """A checkpoint that takes 0.4 s; when it began."""
+    with pace.count(rows_s):
+        clock.now += 0.4
+    return clock.now - 0.4
 
 
 def test_the_first_one_does_not_wait(clock):
@@ -61,15 +55,6 @@ def test_one_is_paid_for_by_the_time_since_it_began(clock):
     for since, paid in ((19.99, False), (20.01, True), (1000.0, True)):
         clock.now = began + since
         assert pace.is_paid(0.0) is paid
-
-
-def test_one_that_is_being_written_is_not_paid(clock):
-    pace = Pace(0.02, clock)
-    pace.begin(0.0)
-    clock.now += 1e6
-    assert not pace.is_paid(0.0)
-    pace.end()
-    assert pace.is_paid(0.0)
 
 
 def test_rows_of_journals_count_but_leave_a_quarter(clock):
@@ -88,8 +73,6 @@ def test_without_a_share_none_waits(clock):
     pace = Pace(None, clock)
     take(pace, clock)
     assert pace.is_paid(1e9)
-    pace.begin(0.0)
-    assert pace.is_paid(0.0)
 
 
 def test_one_that_waits_is_not_looked_at_too_often(clock):
@@ -114,12 +97,11 @@ def test_without_a_share_they_come_when_they_are_due(mixed, tmp_path, written):
     assert written == [10, 20, 30, 40, 50, 60]
 
 
-@pytest.mark.parametrize("beside", [False, True])
-def test_where_none_can_be_paid_the_first_and_the_last_are_taken(mixed, tmp_path, written, beside):
+def test_where_none_can_be_paid_the_first_and_the_last_are_taken(mixed, tmp_path, written):
     """Results are those of a run without checkpoints, and the last one is at the end of the run."""
-    check_same(run(mixed, Checkpoints(tmp_path, 0.05, share=1e-9), beside=beside), run(mixed))
+    check_same(run(mixed, Checkpoints(tmp_path, 0.05, share=1e-9)), run(mixed))
     assert written == [5, STEPS]
-    again = run(mixed, Checkpoints(tmp_path, 0.05, share=1e-9, resume=True), beside=beside)
+    again = run(mixed, Checkpoints(tmp_path, 0.05, share=1e-9, resume=True))
     check_same(again, run(mixed))
 
 
@@ -131,12 +113,12 @@ def test_a_run_that_is_killed_while_one_waits_goes_on(mixed, tmp_path, written):
 
 
 def test_one_that_waits_is_taken_at_a_multiple_of_the_interval(mixed, tmp_path, written, monkeypatch):
-    """By a clock that goes on by 1 s whenever it is read: a checkpoint takes 2 s, to look at one takes 2 s."""
+    """By a clock that goes on by 1 s whenever it is read: a checkpoint takes 1 s, to look at one takes 1 s."""
     ticks = count(1.0)
     module = "ps_fmu.cosim.checkpoint.checkpoints.Pace"
     monkeypatch.setattr(module, lambda share: Pace(share, lambda: next(ticks)))
     run(mixed, Checkpoints(tmp_path, 2 * H, share=0.1))
-    assert written == [2, 20, 38, 56, STEPS]
+    assert written == [2, 12, 22, 32, 42, 52, STEPS]
 
 
 def test_ctrl_c_does_not_wait(mixed, tmp_path, written):

@@ -281,11 +281,11 @@ def test_runs_in_parts_and_after_a_reset_are_the_same(folder):
     whole = run(folder, faults)
     inputs = read_signals(folder / "in.csv")
     with Master(read_system(folder), H, inputs=inputs, faults=faults) as master:
-        for beside in (False, True):
+        for _ in range(2):
             collect = Collect()
             master.initialise()
             for steps in (3, 4, 1, N - 8):
-                master.run(steps * H, [collect], beside=beside)
+                master.run(steps * H, [collect])
             for column, values in zip(master.columns, collect.values.T, strict=True):
                 assert values.tobytes() == whole[column.name].tobytes()
             master.reset()

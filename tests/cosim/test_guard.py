@@ -18,11 +18,11 @@ RUN = """
 import sys
 from ps_fmu.cosim import Master, read_system
 from ps_fmu.cosim.recording.recorder import Recorder
-path, fmus, results, beside = sys.argv[1:]
+path, fmus, results = sys.argv[1:]
 with Master(read_system(path, fmus), 0.01) as master:
     master.initialise()
     with Recorder(results, columns=master.columns, step=master.step, run="run") as recorder:
-        master.run(0.1, [recorder], beside=beside == "beside")
+        master.run(0.1, [recorder])
 print("not reached")
 """
 HEAD = """
@@ -44,13 +44,12 @@ def fmus(tmp_path_factory):
     return faulty.build(tmp_path_factory.mktemp("faulty")).parent
 
 
-@pytest.mark.parametrize("beside", ["beside", "before"])
 @pytest.mark.parametrize(
     ("fault", "end", "code"), [("segfault", "crashed with SIGSEGV", -11), ("exit_0", "called exit(0)", 1)]
 )
-def test_rows_before_are_in_the_file(fmus, tmp_path, fault, end, code, beside):
+def test_rows_before_are_in_the_file(fmus, tmp_path, fault, end, code):
     (tmp_path / "test.ssd").write_text(ssd_text({"other": "Faulty", fault: "Faulty"}, [f"other.y -> {fault}.u"]))
-    ended = start(RUN, tmp_path / "test.ssd", fmus, tmp_path / "results.nc", beside)
+    ended = start(RUN, tmp_path / "test.ssd", fmus, tmp_path / "results.nc")
     assert (ended.returncode, ended.stdout, ended.stderr) == (
         code,
         "",

@@ -18,8 +18,7 @@ from support.processes import wait_until
 
 from ps_fmu.cosim import Master, SlaveError, UsageError, read_system
 from ps_fmu.cosim.fmu_instance import InstancePhase
-from ps_fmu.cosim.isolation.instance import IsolatedInstance, Isolation
-from ps_fmu.cosim.isolation.options import add_isolation_options, read_isolation
+from ps_fmu.cosim.isolation.instance import IsolatedInstance, Isolation, add_isolation_options, read_isolation
 
 ROOT = Path(__file__).parents[2]
 H = 0.01

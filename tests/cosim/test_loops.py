@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from support.cosim import Collect
 
+from ps_fmu import native
 from ps_fmu.cosim import CosimError, Master, compiled, guard
 from ps_fmu.cosim.plan import Change, Plan
 from ps_fmu.cosim.rows import Rows, make_layout
@@ -122,12 +123,12 @@ def test_without_a_library_the_command_that_makes_it_is_named(mixed_chain, monke
             Master(mixed_chain, H)
 
     with monkeypatch.context() as patch:
-        patch.setattr(guard, "PLATFORM", "win64")
-        refuse("there is no compiled loop for win64")
+        patch.setattr(native, "find_platform", lambda: "win64")
+        refuse("loop: not compiled for win64")
     with monkeypatch.context() as patch:
         (tmp_path / "linux64").mkdir()
         (tmp_path / "linux64" / "loop.so").write_text("not a library\n")
-        patch.setattr(type(guard.LOOP), "find_whole", lambda self, platform: tmp_path / platform / "loop.so")
+        patch.setattr(native, "find_compiled", lambda name: tmp_path / "linux64" / f"{name}.so")
         refuse("loop.so")
     guard.load_library.cache_clear()
     run(mixed_chain, steps=2)

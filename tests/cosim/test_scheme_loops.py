@@ -167,13 +167,13 @@ def test_isolated_and_timed_bit_for_bit(masses, scheme):
 
 
 @pytest.mark.parametrize("scheme", TOGETHER, ids=str)
-def test_blocks_beside_the_loop_and_a_reset(masses, scheme):
+def test_blocks_and_a_reset(masses, scheme):
     expected = run(masses, scheme, end=0.3)
     with Master(masses, H, scheme, block_rows=4) as master:
         for _ in range(2):
             rows = Keep([column.name for column in master.columns])
             master.initialise()
-            master.run(0.3, [rows], beside=True)
+            master.run(0.3, [rows])
             for name in expected.names:
                 assert rows[name].tobytes() == expected[name].tobytes()
             master.reset()

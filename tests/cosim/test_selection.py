@@ -3,7 +3,7 @@
 import pytest
 
 from ps_fmu.cosim import UsageError
-from ps_fmu.cosim.recording.selection import select_names
+from ps_fmu.cosim.recording.thinner import select_names
 
 NAMES = ["plant.los.x", "plant.los.y", "plant.y[1]", "plant.y[2]", "isolator.saturated"]
 

@@ -3,7 +3,7 @@
 import pytest
 
 from ps_fmu.cosim import SystemFileError, read_parameters
-from ps_fmu.cosim.ssp.xml_parts import start_values_xml
+from ps_fmu.cosim.ssp.writing import start_values_xml
 from ps_fmu.cosim.structure import Parameter
 
 SSV = """<?xml version="1.0" encoding="UTF-8"?>

@@ -7,8 +7,8 @@ import textwrap
 
 import pytest
 
-from ps_fmu.cosim import temporary
-from ps_fmu.cosim.temporary import LOCK, make_temporary, remove_temporary
+from ps_fmu.cosim import unpacked
+from ps_fmu.cosim.unpacked import LOCK, make_temporary, remove_temporary
 
 
 @pytest.fixture(autouse=True)
@@ -23,7 +23,7 @@ def start(above):
     script = """
         import sys, tempfile
         tempfile.tempdir = sys.argv[1]
-        from ps_fmu.cosim.temporary import make_temporary
+        from ps_fmu.cosim.unpacked import make_temporary
         print(make_temporary("fmus_").name, flush=True)
         sys.stdin.read()
     """
@@ -40,7 +40,7 @@ def test_what_a_killed_process_has_left_goes(above):
         living = make_temporary("fmus_")  # looks round while the process lives
         assert left.is_dir()
         process.kill()
-    temporary._cleared.clear()
+    unpacked._cleared.clear()
     own = make_temporary("ssp_")
     assert sorted(above.iterdir()) == sorted([living, own])
     for folder in (living, own):
@@ -66,10 +66,10 @@ def test_a_folder_of_another_user_stays(above, monkeypatch):
     (above / "fmus_theirs").mkdir()
     (above / "fmus_theirs" / LOCK).touch()
     with monkeypatch.context() as patch:
-        patch.setattr(temporary.os, "geteuid", lambda: 12345)
+        patch.setattr(unpacked.os, "geteuid", lambda: 12345)
         remove_temporary(make_temporary("fmus_"))
     assert (above / "fmus_theirs").is_dir()
-    temporary._cleared.clear()
+    unpacked._cleared.clear()
     remove_temporary(make_temporary("fmus_"))
     assert not (above / "fmus_theirs").exists()
 
@@ -78,8 +78,8 @@ def test_a_folder_that_may_not_be_listed(above, monkeypatch):
     def refuse(path):
         raise PermissionError(13, "Permission denied", path)
 
-    monkeypatch.setattr(temporary.os, "scandir", refuse)
-    monkeypatch.setattr(temporary, "_cleared", set())
+    monkeypatch.setattr(unpacked.os, "scandir", refuse)
+    monkeypatch.setattr(unpacked, "_cleared", set())
     folder = make_temporary("fmus_")
     assert folder.is_dir()
     monkeypatch.undo()

@@ -1,16 +1,15 @@
 """Wheels, sines, sweeps, their sum, and the parameters of all kinds."""
 
 import re
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from ps_fmu.disturbance import Disturbance, default_settings, kinds
-from ps_fmu.disturbance.kinds.chirp import Chirp
-from ps_fmu.disturbance.kinds.tones import Tone
-from ps_fmu.disturbance.kinds.wheels import (
+from ps_fmu.disturbance import Disturbance, default_settings
+from ps_fmu.disturbance.tones import Chirp, Tone
+from ps_fmu.disturbance.total import KINDS
+from ps_fmu.disturbance.wheels import (
     FORCE,
     TORQUE,
     Harmonics,
@@ -275,47 +274,10 @@ def test_every_number_has_a_unit_and_a_description():
         assert entry.unit or isinstance(entry.value, (bool, str)), entry.name
 
 
-# --- Registry ---------------------------------------------------------------------------
-
-GUST = """
-from dataclasses import dataclass
-from typing import ClassVar
-
-import numpy as np
-
-from ps_fmu.disturbance.kind import Kind
-from ps_fmu.mechanism.quantities import quantity
-
-
-@dataclass(frozen=True, eq=False)
-class Gust(Kind):
-    name: ClassVar[str] = "gust"
-
-    force: float = quantity("N", "Force along x")
-
-    @classmethod
-    def make_defaults(cls, p):
-        return cls(force=0.0)
-
-    def make_source(self, shared, number):
-        return lambda time: np.outer(np.full(time.size, self.force), np.eye(6)[0])
-"""
-
-
-def test_a_file_is_a_new_kind(tmp_path, monkeypatch):
-    (tmp_path / "gust.py").write_text(GUST)
-    monkeypatch.setattr(kinds, "__path__", [*kinds.__path__, str(tmp_path)])
-    monkeypatch.delitem(sys.modules, "ps_fmu.disturbance.kinds.gust", raising=False)
-    settings = default_settings(load())
-    assert [entry.name for entry in list_entries(settings)][-1] == "gust.force"
-    settings = replace_values(settings, {"noise.enabled": False, "gust.force": 2.0})
-    np.testing.assert_array_equal(Disturbance(settings)(np.array([1.0]))[0], [2.0, 0.0, 0.0, 0.0, 0.0, 0.0])
-
-
 def test_each_kind_has_its_section_in_the_readme():
     readme = Path(__file__).parents[2] / "fmus" / "disturbance_source" / "README.md"
     headings = [line for line in readme.read_text(encoding="utf-8").splitlines() if line.startswith("## ")]
-    for kind in kinds.find_kinds():
+    for kind in KINDS:
         several = isinstance(DEFAULTS.kinds[kind.name], tuple)
         name = f"`{kind.name.removesuffix('s')}_i`" if several else f"`{kind.name}`"
         assert any(name in heading for heading in headings), name

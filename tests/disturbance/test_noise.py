@@ -1,14 +1,14 @@
-"""Gaussian noise and multisine: spectrum, start from rest, no drift, a function of time and seed alone."""
+"""Noise: its spectrum, its lines and blocks, its density, and that any time can be computed on its own."""
 
 import numpy as np
 import pytest
+from scipy.signal import welch
 
-from ps_fmu.disturbance import multisine_lines, psd_at_origin, smooth
-from ps_fmu.disturbance.block import Block
-from ps_fmu.disturbance.gaussian import GaussianNoise
+from ps_fmu.disturbance import multisine_lines, psd_at_origin, spectrum
+from ps_fmu.disturbance.gaussian import Block, GaussianNoise
 from ps_fmu.disturbance.multisine import Multisine
-from ps_fmu.disturbance.polyphase import Polyphase
-from ps_fmu.disturbance.spectrum import Layer, factor, layers, share
+from ps_fmu.disturbance.spectrum import Layer, factor, gaussian_density, layers, share
+from ps_fmu.disturbance.synthesis import LayerLines
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.numerics.normal import Stream, make_key
 
@@ -174,10 +174,10 @@ def test_times_far_apart_do_not_cost_what_lies_between(monkeypatch):
 def test_samples_in_phases_are_those_of_one_transform(period, numbers):
     """Lines below, at and above the highest frequency of the parts, where they appear as aliases."""
     layer = Layer(0, 400.0, period, np.arange(*numbers))
-    polyphase = Polyphase(layer)
+    polyphase = LayerLines(layer, 1)
     random = np.random.default_rng(4)
     lines = random.standard_normal((1, layer.numbers.size)) + 1j * random.standard_normal((1, layer.numbers.size))
-    spectra = np.concatenate([polyphase.fold(lines * polyphase.gain, phase) for phase in range(polyphase.phases)])
+    spectra = np.concatenate([polyphase.fold(lines * polyphase.gains[0], phase) for phase in range(polyphase.phases)])
     found = polyphase.transform(spectra)
     expected = layer.sample(lines)[:, 0]
     np.testing.assert_allclose(found.T.ravel(), expected, rtol=0.0, atol=1e-14 * np.abs(expected).max() * 10)
@@ -214,7 +214,7 @@ def sum_lines(psd, band, seed, period, rise_time, time):
             elapsed = time - (index - 1) * hop
             lines = factor(psd) @ (random * share(layer)) * np.exp(1j * omega * elapsed)
             g_2, g_1, g = (lines.real.sum(axis=1), *((lines / (1j * omega) ** k).real.sum(axis=1) for k in (1, 2)))
-            weight = smooth.crossfade(np.array([elapsed]), hop).times(smooth.ramp(np.array([time]), rise_time))
+            weight = spectrum.crossfade(np.array([elapsed]), hop).times(spectrum.ramp(np.array([time]), rise_time))
             is_fast = omega.min() * min(rise_time, hop) >= 25.0 * 2.0 * np.pi
             total += weight.value * g_2 if is_fast else weight.second_derivative(g[None], g_1[None], g_2[None])[0]
     return total
@@ -291,3 +291,37 @@ def test_a_block_in_use_is_not_recycled_for_its_neighbour():
 
 def _make_small(seed):
     return GaussianNoise(np.eye(6), np.array([1.0, 5.0]), seed, period=10.0)
+
+
+BAND = np.array([0.1, 50.0])
+
+
+def test_a_free_body_moves_as_much_as_by_the_lines():
+    """Motion is the double integral w g: its mean square is that of the lines, since the squares of w add up to one."""
+    frequency = np.arange(1, 4001) * 1e-4 + 1e-5  # to 0.4 Hz: the next lines have less than a percent of it
+    band = np.array([0.1, 0.3])
+    moved = np.sum(gaussian_density(band, 100.0, frequency) / frequency**4) * 1e-4
+    lines = np.arange(10, 30) / 100.0
+    assert moved == pytest.approx(np.sum(lines**-4.0) / 100.0, rel=1e-6)
+
+
+def test_it_is_flat_within_the_band():
+    frequency = np.geomspace(1.0, 49.0, 500)
+    assert gaussian_density(BAND, 100.0, frequency) == pytest.approx(np.ones(500), abs=1e-2)
+    inside = frequency > 25.0
+    assert gaussian_density(BAND, 100.0, frequency[inside]) == pytest.approx(np.ones(inside.sum()), abs=1e-3)
+    assert gaussian_density(BAND, 100.0, np.array([0.02, 55.0])) == pytest.approx(np.zeros(2), abs=1e-6)
+
+
+def test_records_have_it():
+    """Welch spectra of 3200 s; bands with some hundred independent values, at the edges as well."""
+    noise = GaussianNoise(np.diag([1.0, 0.0, 0.0, 0.0, 0.0, 0.0]), BAND, seed=3)
+    step, blocks = 5e-3, 32
+    record = np.concatenate([noise(100.0 * (k + 1) + np.arange(20_000) * step)[:, 0] for k in range(blocks)])
+    frequency, density = welch(record, 1.0 / step, nperseg=20_000)
+    expected = np.zeros(len(density))
+    expected[1:] = gaussian_density(BAND, 100.0, frequency[1:])
+    for low, high in ((0.08, 0.2), (1.0, 5.0), (14.0, 21.0), (49.5, 49.8), (49.8, 50.2)):
+        within = (frequency >= low) & (frequency < high)
+        scatter = expected[within].mean() / np.sqrt(blocks * (high - low) * 100.0 * 0.5)
+        assert density[within].mean() == pytest.approx(expected[within].mean(), abs=4.0 * scatter), low

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from ps_fmu.disturbance import phases, smooth, spectrum
+from ps_fmu.disturbance import multisine, spectrum
 from ps_fmu.disturbance.sample_table import SampleTable
 
 
-@pytest.mark.parametrize("weight", [lambda t: smooth.ramp(t, 2.0), lambda t: smooth.crossfade(t, 1.5)])
+@pytest.mark.parametrize("weight", [lambda t: spectrum.ramp(t, 2.0), lambda t: spectrum.crossfade(t, 1.5)])
 def test_derivatives_of_the_weights(weight):
     times, h = np.linspace(-0.5, 3.5, 401) + 1e-3, 1e-4
     before, here, after = weight(times - h), weight(times), weight(times + h)
@@ -17,7 +17,7 @@ def test_derivatives_of_the_weights(weight):
 
 def test_product_of_weights():
     times = np.linspace(0.0, 3.0, 50)
-    one, other = smooth.ramp(times, 2.5), smooth.crossfade(times, 1.5)
+    one, other = spectrum.ramp(times, 2.5), spectrum.crossfade(times, 1.5)
     g = [np.sin(times)[:, None], np.cos(times)[:, None], -np.sin(times)[:, None]]
     inner = other.value[:, None] * g[0]
     inner_1 = other.rate[:, None] * g[0] + other.value[:, None] * g[1]
@@ -27,7 +27,7 @@ def test_product_of_weights():
 
 def test_crossfade_keeps_the_power():
     times = np.linspace(0.0, 5.0, 101)
-    pair = smooth.crossfade(times, 5.0).value ** 2 + smooth.crossfade(times + 5.0, 5.0).value ** 2
+    pair = spectrum.crossfade(times, 5.0).value ** 2 + spectrum.crossfade(times + 5.0, 5.0).value ** 2
     np.testing.assert_allclose(pair, 1.0, rtol=1e-14)
 
 
@@ -100,7 +100,7 @@ def test_integrals_of_a_sampled_line():
 @pytest.mark.parametrize("seed", range(5))
 def test_phases_are_orthogonal_in_every_group(seed):
     frequencies = (np.arange(10, 215) + 0.5) / 100.0  # Hz; the last five do not fill a group
-    found = phases.orthogonal_phases(frequencies, 6, np.random.default_rng(seed))
+    found = multisine.orthogonal_phases(frequencies, 6, np.random.default_rng(seed))
     assert found.shape == (6, 205)
     groups = found.T[:200].reshape(10, 20, 6)
     for weight in (frequencies[:200] ** -4.0, np.ones(200)):
@@ -113,6 +113,6 @@ def test_phases_are_orthogonal_in_every_group(seed):
 
 def test_phases_of_one_input_or_few_lines_stay_random():
     for lines, inputs in ((100, 1), (7, 3)):
-        found = phases.orthogonal_phases(np.arange(1.0, lines + 1.0), inputs, np.random.default_rng(0))
+        found = multisine.orthogonal_phases(np.arange(1.0, lines + 1.0), inputs, np.random.default_rng(0))
         assert found.shape == (inputs, lines)
         assert (found >= 0.0).all() and (found < 2.0 * np.pi).all()

@@ -58,7 +58,7 @@ def test_comments_of_fields_are_their_text(load):
         ("Master.run", "ps_fmu.cosim.master.Master", "ps_fmu.cosim.master.Master.run"),
         ("run", "ps_fmu.cosim.master.Master", "ps_fmu.cosim.master.Master.run"),
         (".rows", "ps_fmu.cosim.master.Master", "ps_fmu.cosim.rows"),
-        (".theory.exchange", "ps_fmu.mechanism.mounted", "ps_fmu.theory.exchange"),
+        ("..theory.loop", "ps_fmu.mechanism.mounted", "ps_fmu.theory.loop"),
         ("ValueError", "ps_fmu.cosim", "ValueError"),
         ("numpy.float64", "", "numpy.float64"),
         ("no_such_name", "ps_fmu.cosim.master", None),
@@ -83,5 +83,5 @@ def test_what_a_package_offers_is_where_it_is_defined(load):
     found = load("api_pages").list_offered(ps_fmu.pointing)
     assert len(found) == len(ps_fmu.pointing.__all__)
     assert "ps_fmu.pointing.indices.RelativeError" in found
-    types = {"ps_fmu.cosim.events.Event", "ps_fmu.cosim.values.Value"}
+    types = {"ps_fmu.cosim.clock.Event", "ps_fmu.cosim.values.Value"}
     assert types <= {*load("api_pages").list_offered(ps_fmu.cosim)}  # elsewhere they have no text of their own

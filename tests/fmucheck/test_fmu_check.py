@@ -10,7 +10,7 @@ import pytest
 from pythonfmu.builder import FmuBuilder
 
 from ps_fmu.cli import main, parser
-from ps_fmu.fmucheck import lives, other_checkers
+from ps_fmu.fmucheck import fmu_check, other_checkers
 from ps_fmu.fmucheck.fmu_check import check_fmu
 from ps_fmu.fmucheck.verdicts import FAILED, LONGEST, NOT_RUN, OK, SHOWN, WARNING, CheckResult, write_table
 
@@ -218,7 +218,7 @@ def test_what_pythonfmu_takes_for_granted(toys, tmp_path, rows):
 
 @pytest.mark.parametrize("identifier", ["../../../tmp/Plain", "Plain&#10;library /tmp/evil", "", "größe"])
 def test_a_model_identifier_that_leads_elsewhere_is_not_loaded(identifier, toys, tmp_path, rows, monkeypatch):
-    monkeypatch.setattr(lives, "live_in_fmpy", None)
+    monkeypatch.setattr(fmu_check, "live_in_fmpy", None)
     old, new = b'modelIdentifier="Plain"', f'modelIdentifier="{identifier}"'.encode()
     found = rows(rewritten(toys["plain"], tmp_path / "A.fmu", lambda n, c: c.replace(old, new)))
     for check in ("life in FMPy", "life in a C host"):

@@ -1,6 +1,7 @@
 """An FMU in C with one mistake at a time: which stage of its life finds it, and with which words."""
 
 import os
+import platform
 import shutil
 import subprocess
 import sys
@@ -11,12 +12,13 @@ from time import monotonic
 import pytest
 
 from ps_fmu.cli import main
-from ps_fmu.fmucheck import fmu_check, lives, other_checkers, stages
+from ps_fmu.fmucheck import lives, other_checkers
 from ps_fmu.fmucheck.fmu_check import check_fmu
-from ps_fmu.fmucheck.host.compile import HOST
 from ps_fmu.fmucheck.reading import read_description
 from ps_fmu.fmucheck.verdicts import NOT_RUN, OK
-from ps_fmu.slavekit.launcher.c_program import find_fmi_headers
+from ps_fmu.native import find_compiled
+from ps_fmu.native.build import FOLDER, PROGRAMS, find_fmi_headers
+from ps_fmu.slavekit.pack import stages
 
 SOURCES = Path(__file__).parent / "native"
 DESCRIPTION = (SOURCES / "modelDescription.xml").read_text()
@@ -66,8 +68,8 @@ def tank(library, tmp_path):
 def c_host(fmu: Path, **environment: str) -> dict[str, str]:
     """Problem by stage."""
     content = zipfile.ZipFile(fmu).read("modelDescription.xml")
-    host, description = lives.find_c_host("linux64"), read_description(content, fmu)
-    return dict(lives.live_in_c_host(host, fmu, description, "linux64", **environment))
+    host, description = lives.find_c_host(), read_description(content, fmu)
+    return dict(lives.live_in_c_host(host, fmu, description, **environment))
 
 
 def test_an_fmu_of_another_maker_passes_everything(tank):
@@ -174,17 +176,16 @@ def test_the_host_has_path_and_home_and_nothing_else(tank, monkeypatch):
 
 
 def test_where_no_host_was_compiled_for(tank, monkeypatch):
-    for module in (fmu_check, lives):
-        monkeypatch.setattr(module, "machine", lambda: "riscv64")
+    monkeypatch.setattr(platform, "machine", lambda: "riscv64")
     rows = {row.check: row for row in check_fmu(tank("{right}"))}
     assert rows["life in a C host"].verdict == NOT_RUN
-    assert rows["life in a C host"].details == ("the host was not compiled for linux64 on riscv64",)
+    assert rows["life in a C host"].details == ("the host was not compiled for linux on riscv64",)
     assert rows["FMPy: end of the process"].verdict == OK
 
 
 def test_a_host_that_cannot_be_started(tank, monkeypatch, tmp_path):
     (tmp_path / "host").write_bytes(b"\x7fELF for another machine")
-    monkeypatch.setattr(type(HOST), "find_whole", lambda self, platform: tmp_path / "host")
+    monkeypatch.setattr(lives, "find_compiled", lambda name: tmp_path / name)
     row = next(row for row in check_fmu(tank("{right}")) if row.check == "life in a C host")
     assert row.verdict == NOT_RUN
     assert row.details[0].startswith("the host cannot be started: ")
@@ -239,16 +240,17 @@ def test_no_run_loads_no_library(tank, tmp_path, capsys):
     assert main(["check", "--no-run", str(fmu)]) == 0
     assert capsys.readouterr().out.count("not run  --no-run: the FMU is not loaded") == 2
     assert not (tmp_path / "run").exists()
-    lives.live_in_fmpy(fmu)
+    stages.live_in_fmpy(fmu, "whole")
     assert (tmp_path / "run").exists()
 
 
 def test_the_host_under_checks_of_memory_and_undefined_behaviour(tank, tmp_path, monkeypatch):
     """gcc or clang as cc."""
     command = ["cc", "-std=c99", "-D_GNU_SOURCE", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
-    command += ["-I", str(find_fmi_headers()), *(str(HOST.folder / name) for name in HOST.sources)]
+    command += ["-I", str(find_fmi_headers())]
+    command += [str(FOLDER / name) for name in PROGRAMS["host"].list_sources("linux64")]
     subprocess.run([*command, "-o", str(tmp_path / "host"), "-ldl", "-lm"], check=True)
-    monkeypatch.setattr(type(HOST), "find_whole", lambda self, platform: tmp_path / "host")
+    monkeypatch.setattr(lives, "find_compiled", lambda name: tmp_path / name)
     settings = {"ASAN_OPTIONS": "detect_leaks=0:exitcode=99", "UBSAN_OPTIONS": "exitcode=99"}
     for fault in ("{right}", "{reset}", "{slashes}"):
         found = c_host(tank(fault), **settings)
@@ -259,7 +261,7 @@ def test_the_host_under_checks_of_memory_and_undefined_behaviour(tank, tmp_path,
 @pytest.mark.parametrize("task", ["", "guid x", "library x\nguid x\nresources x\nstep 0", "output Complex 1 z"])
 def test_a_file_that_is_no_task(task, tmp_path):
     (tmp_path / "task").write_text(task)
-    program = shutil.copy(HOST.path("linux64"), tmp_path / "host")
+    program = shutil.copy(find_compiled("host"), tmp_path / "host")
     os.chmod(program, 0o755)
     run = subprocess.run([program, tmp_path / "task", tmp_path / "report"], capture_output=True, text=True)
     assert run.returncode == 2

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from ps_fmu.disturbance import Disturbance
-from ps_fmu.disturbance.kinds.recording import HEADER
+from ps_fmu.disturbance.recording import HEADER
 from ps_fmu.mechanism.quantities import replace_values
 
 SCRIPT = Path(__file__).parents[2] / "fmus" / "disturbance_source" / "disturbance_source.py"

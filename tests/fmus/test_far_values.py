@@ -14,7 +14,7 @@ from support.host import unpack
 from support.models import Host, slave_class
 from support.states import clocks, numbers, use_made_up_state
 
-from ps_fmu.disturbance.block import Block
+from ps_fmu.disturbance.gaussian import Block
 from ps_fmu.slavekit.author.slave import ModelError, Refused
 from ps_fmu.slavekit.author.state import to_bytes
 

@@ -14,8 +14,7 @@ import pytest
 from support.host import unpack
 
 from ps_fmu.cosim import System, read_system
-from ps_fmu.slavekit.launcher.c_program import find_fmi_headers
-from ps_fmu.slavekit.launcher.compile import LAUNCHER
+from ps_fmu.native.build import FOLDER, PROGRAMS, find_fmi_headers
 from ps_fmu.slavekit.pack.build import build_one
 from ps_fmu.slavekit.pack.bundle import bundle
 
@@ -25,7 +24,7 @@ SSD = HERE.parents[1] / "system" / "SystemStructure.ssd"
 HOST_SOURCES = (HERE / "host.c", HERE / "mistakes.c", HERE / "fmu.c")
 SYSTEM_SOURCES = (HERE / "system.c", HERE / "wired.c", HERE / "fmu.c")
 CALLS_SOURCES = (HERE / "calls.c", HERE / "words.c")
-LAUNCHER_SOURCES = [LAUNCHER.folder / name for name in LAUNCHER.sources_for("linux64")]
+LAUNCHER_SOURCES = [FOLDER / name for name in PROGRAMS["launcher"].list_sources("linux64")]
 TIMEOUT = 120.0  # s
 
 Host = Callable[..., "subprocess.CompletedProcess[str]"]

@@ -7,8 +7,8 @@ from fmpy import read_model_description
 from support.models import COMPONENTS
 
 from ps_fmu.cosim import System
-from ps_fmu.cosim.ssp.ssv import read_parameters
-from ps_fmu.cosim.ssp.xml_parts import real_values_xml
+from ps_fmu.cosim.ssp.parameters import read_parameters
+from ps_fmu.cosim.ssp.writing import real_values_xml
 from ps_fmu.cosim.structure import Component
 from ps_fmu.interface.parameter_sets import build_plant_and_isolator, differences, list_departures, start_values
 from ps_fmu.mechanism.parameters import load

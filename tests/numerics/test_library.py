@@ -13,18 +13,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ps_fmu.actuators.driver_noise import WhiteNoise
-from ps_fmu.compiled_files import NotCompiledError
+from ps_fmu.actuators.voice_coil import WhiteNoise
 from ps_fmu.disturbance.gaussian import GaussianNoise
-from ps_fmu.disturbance.kinds.wheels import WheelSource
 from ps_fmu.disturbance.sample_table import SampleTable
-from ps_fmu.disturbance.speed import SpeedProfile
+from ps_fmu.disturbance.turning import SpeedProfile
+from ps_fmu.disturbance.wheels import WheelSource
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.mechanism.quantities import replace_values
+from ps_fmu.native import NotCompiledError
 from ps_fmu.numerics import library
 from ps_fmu.numerics.normal import make_words
-from ps_fmu.sensors.defaults import default_sensors
-from ps_fmu.sensors.normal import draw_normal
+from ps_fmu.sensors.errors import draw_normal
+from ps_fmu.sensors.inertial import default_sensors
 
 NOISE = load().noise
 FOUND = [library.find_library().numerics_find(name) for name in (b"sse2", b"avx2", b"avx512")]
@@ -206,7 +206,7 @@ def test_a_platform_without_a_library(monkeypatch):
 
 def test_the_fmu_carries_the_libraries(built_fmus):
     with zipfile.ZipFile(built_fmus / "DisturbanceSource.fmu") as fmu:
-        names = {name.partition("/numerics/")[2] for name in fmu.namelist()}
+        names = {name.partition("/native/")[2] for name in fmu.namelist()}
     assert {"linux64/numerics.so", "aarch64-linux/numerics.so", "win64/numerics.dll"} <= names
 
 
@@ -214,7 +214,7 @@ def test_the_library_of_a_folder_that_is_gone(tmp_path, monkeypatch):
     """As where an FMU was freed before it has made a number, and others share its modules."""
     package, source = tmp_path / "shared_by_fmus", Path(library.__file__).parents[1]
     shutil.copytree(source / "numerics", package / "numerics")
-    shutil.copy(source / "compiled_files.py", package)
+    shutil.copytree(source / "native", package / "native")
     (package / "__init__.py").touch()
     monkeypatch.syspath_prepend(tmp_path)
     shared = importlib.import_module("shared_by_fmus.numerics.library")

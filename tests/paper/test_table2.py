@@ -13,8 +13,8 @@ from ps_fmu.paper.figures.table2 import analysis as jitter
 from ps_fmu.paper.figures.table2 import scenario as table2
 from ps_fmu.paper.figures.table2.closed_form import LOOP_DELAY
 from ps_fmu.paper.figures.table2.results import shares
-from ps_fmu.theory.jitter import jitter_density
 from ps_fmu.theory.loop import loop_at
+from ps_fmu.theory.transmissibility import jitter_density
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ from support.cosim import OSCILLATOR, ssd_text
 
 from ps_fmu import simulate, system_command
 from ps_fmu.cli import main
-from ps_fmu.cosim.faults.acted import ActedFault
+from ps_fmu.cosim.faults.binding import ActedFault
 from ps_fmu.runs.fault_report import find_spans, tabulate_faults
 
 TOYS = system_command.Path(__file__).parents[1] / "cosim" / "toys"

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from ps_fmu.cosim import read_parameters
-from ps_fmu.cosim.ssp.xml_parts import start_values_xml
+from ps_fmu.cosim.ssp.writing import start_values_xml
 from ps_fmu.cosim.structure import Parameter
 from ps_fmu.interface.agreement import APART
 from ps_fmu.runs.cases import Case, run_case

@@ -71,7 +71,7 @@ def test_what_is_not_of_ps_fmu_is_left_alone(tmp_path, name):
     assert (tmp_path / name).read_text() == "mine" and os.listdir(tmp_path) == [taken.name]
 
 
-@pytest.mark.parametrize("mark", ["run.json", "passive/row-000000000050.zip"])
+@pytest.mark.parametrize("mark", ["run.json", "passive/row-000000000050.msgpack"])
 def test_our_checkpoints_and_plot_are_replaced(folder, mark):
     (folder / "checkpoint" / mark).parent.mkdir(parents=True)
     (folder / "checkpoint" / mark).write_text("{}")

@@ -7,7 +7,7 @@ import netCDF4
 import numpy as np
 import pytest
 
-from ps_fmu.disturbance.kinds.recording import HEADER
+from ps_fmu.disturbance.recording import HEADER
 from ps_fmu.mechanism.quantities import ParameterError
 from ps_fmu.runs.execute import run_scenario
 from ps_fmu.runs.options import OptionError

@@ -18,7 +18,7 @@ import pytest
 from support.same_results import list_differences
 
 from ps_fmu.cosim import Recorder
-from ps_fmu.cosim.checkpoint.folder import CheckpointFolder
+from ps_fmu.cosim.checkpoint.files import CheckpointFolder
 from ps_fmu.cosim.schemes.scheme import Iteration, Rate, Scheme
 from ps_fmu.runs import keeping
 from ps_fmu.runs.kept_options import SYSTEM, read_run, write_run
@@ -189,7 +189,7 @@ def test_what_does_not_go_on_says_why_and_loses_nothing(stopped, run, tmp_path):
     assert code == 2
     assert "is complete: there is nothing to go on with" in said
     assert sorted(path.name for path in (stopped / "checkpoint").rglob("*") if path.is_file()) == [
-        "row-000000006000.zip", "row-000000006000.zip", "run.json",
+        "row-000000006000.msgpack", "row-000000006000.msgpack", "run.json",
     ]  # fmt: skip
 
 
@@ -256,7 +256,7 @@ def test_a_damaged_checkpoint_says_what_helps(inputs, undisturbed, stopped, run)
     """Of a case that was done; the other one was in the middle."""
     folder = stopped / "checkpoint" / "passive"
     (journal,) = folder.glob("rows-*.bin")
-    whole = {path: path.read_bytes() for path in (journal, *folder.glob("row-*.zip"))}
+    whole = {path: path.read_bytes() for path in (journal, *folder.glob("row-*.msgpack"))}
     assert len(whole) == 3
     torn = bytearray(whole[journal])
     torn[len(torn) // 2] ^= 1
@@ -282,10 +282,10 @@ def test_any_system_goes_on(inputs, run, tmp_path, capsys):
     words = [str(tmp_path / "own.ssp"), "--step", "1e-4", "--duration", "0.4", "--observe", "plant.*", "--no-figures"]
     assert run(*words, "--output", tmp_path / "whole")[0] == 0
     again = [*words, "--checkpoint", "0.05", "--output", str(tmp_path / "out")]
-    done = start(inputs, *again, driver=(str(DRIVER), "names", "11"))
+    done = start(inputs, *again, driver=(str(DRIVER), "names", "8"))
     assert done.returncode == -signal.SIGKILL, done.stderr
     assert [path.name for path in sorted((tmp_path / "out" / "checkpoint" / "run").glob("row-*"))] == [
-        "row-000000002000.zip", "row-000000002500.zip",
+        "row-000000002000.msgpack", "row-000000002500.msgpack",
     ]  # fmt: skip
     code, said = run("--resume", tmp_path / "out")
     assert code == 0, said
@@ -315,7 +315,7 @@ def test_a_run_with_faults_goes_on(inputs, run, tmp_path):
     again = [*words, "--checkpoint", "0.03", "--output", str(out)]
     done = start(inputs, *again, driver=(str(DRIVER), "names", "18"))
     assert done.returncode == -signal.SIGKILL, done.stderr
-    assert 1 <= len(list((out / "checkpoint" / "active").glob("row-*.zip"))) <= 2  # it is the second case
+    assert 1 <= len(list((out / "checkpoint" / "active").glob("row-*.msgpack"))) <= 2  # it is the second case
     path.write_text(json.dumps({**FAULTS, "end": 0.19}))
     code, said = run("--resume", out)
     assert code == 2
@@ -360,7 +360,7 @@ def test_ctrl_c_names_the_command_that_goes_on(inputs, undisturbed, tmp_path):
     done = start(inputs, *words, driver=(str(DRIVER), "interrupt", "7000"))
     assert done.returncode == 130, done.stderr
     assert f"to go on from the last checkpoint: ps-fmu run --resume {tmp_path / 'out'}" in done.stderr
-    assert len(list((tmp_path / "out" / "checkpoint" / "active").glob("row-*.zip"))) == 1
+    assert len(list((tmp_path / "out" / "checkpoint" / "active").glob("row-*.msgpack"))) == 1
     done = start(inputs, "--resume", str(tmp_path / "out"), "--no-figures")
     assert done.returncode == 0, done.stderr
     assert list_differences(undisturbed("isolation")[0], tmp_path / "out") == []

@@ -6,7 +6,7 @@ from xml.etree.ElementTree import fromstring, tostring
 import pytest
 
 from ps_fmu.slavekit.author.terminals import Terminal, write_terminals
-from ps_fmu.slavekit.pack.dependencies import write_external_dependencies
+from ps_fmu.slavekit.pack.launch import write_external_dependencies
 from ps_fmu.slavekit.pack.page import write_page
 
 README = r"""# Title & more
@@ -111,7 +111,7 @@ def test_terminals_are_listed(description, toys):
     ],
 )
 def test_what_an_fmu_needs_of_the_machine(bundled, words):
-    text = write_external_dependencies("Oscillator", "3.11", ["numpy", "scipy"], bundled).decode()
+    text = write_external_dependencies("Oscillator", ["numpy", "scipy"], bundled).decode()
     assert text.startswith("What Oscillator.fmu needs of the machine\n")
     for word in words:
         assert word in text

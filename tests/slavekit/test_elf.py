@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from ps_fmu.slavekit.launcher.c_program import find_fmi_headers
-from ps_fmu.slavekit.pack.elf import cut_unloaded
+from ps_fmu.native.build import find_fmi_headers
+from ps_fmu.slavekit.pack.bundle import cut_unloaded
 
 SOURCE = "int answer(void) { static int calls; return 41 + ++calls; }\n"
 ASK = "import ctypes, sys; print(ctypes.CDLL(sys.argv[1]).answer())"

@@ -5,7 +5,7 @@ import shutil
 import sys
 
 from ps_fmu.slavekit.author import guard
-from ps_fmu.slavekit.pack.entry import write_entry
+from ps_fmu.slavekit.pack.modules import write_entry
 
 
 def test_the_library_is_shown_a_class_with_one_base(tmp_path, monkeypatch):

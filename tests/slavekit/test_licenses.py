@@ -49,5 +49,5 @@ def test_a_distribution_without_a_licence_is_named(monkeypatch):
             return None
 
     monkeypatch.setattr(licenses.importlib.metadata, "distribution", lambda _name: Bare())
-    with pytest.raises(licenses.LicenseError, match="the installed pythonfmu carries no licence text"):
+    with pytest.raises(licenses.BuildError, match="the installed pythonfmu carries no licence text"):
         list(licenses.collect_source_licenses({}))

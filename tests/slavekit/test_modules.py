@@ -14,8 +14,7 @@ from pathlib import Path, PurePosixPath
 import pytest
 
 from ps_fmu.slavekit.author import guard
-from ps_fmu.slavekit.pack.entry import write_entry
-from ps_fmu.slavekit.pack.modules import compile_module, pack_modules
+from ps_fmu.slavekit.pack.modules import compile_module, pack_modules, write_entry
 
 SOURCE = b'''"""A module."""
 KNOWN = {"b", "a", "c", "?"}

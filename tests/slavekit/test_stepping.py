@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from ps_fmu.compiled_files import NotCompiledError, load
+from ps_fmu import native
 from ps_fmu.slavekit.author import core
 from ps_fmu.slavekit.author.guard import FmuError, ModelError, Refused
 
@@ -324,8 +324,9 @@ def test_a_new_step_size_or_an_event_discards_the_table(make, put):
 def test_without_the_compiled_kernel_a_step_is_refused_with_the_command_that_makes_it(make, monkeypatch, tmp_path):
     slave = make("oscillator")
     before = everything(slave)
-    monkeypatch.setattr(core, "find_library", lambda: load(tmp_path / "numerics.json"))
-    with pytest.raises(NotCompiledError, match=r"numerics\.json: No such file or directory: .* run 'make launcher'"):
+    monkeypatch.setattr(native, "FOLDER", tmp_path)
+    monkeypatch.setattr(core, "find_library", lambda: native.load("numerics"))
+    with pytest.raises(native.NotCompiledError, match=r"native\.json: No such file .* run 'make launcher'"):
         slave.do_step(0.0, H)
     assert everything(slave) == before
     monkeypatch.undo()

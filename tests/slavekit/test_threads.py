@@ -11,7 +11,7 @@ done, never = _thread.allocate_lock(), _thread.allocate_lock()
 done.acquire(), never.acquire()
 
 def worker():
-    from ps_fmu.slavekit.author.threads import forget_host_thread
+    from ps_fmu.slavekit.author.slave import _forget_host_thread as forget_host_thread
     forget_host_thread()
     done.release()
     never.acquire()

@@ -16,8 +16,7 @@ from support.page import build_with_pythonfmu, write_example
 
 import ps_fmu
 from ps_fmu.cli import main
-from ps_fmu.slavekit.pack.from_source import build_script
-from ps_fmu.slavekit.pack.wrap import BuildError, wrap
+from ps_fmu.slavekit.pack.foreign import BuildError, build_script, wrap
 
 TOYS = Path(__file__).parents[1] / "cosim" / "toys"
 SLAVE = "resources/tank.py"
@@ -266,28 +265,27 @@ from xml.etree import ElementTree
 folder, script, stock = map(Path, sys.argv[1:])
 sys.path.insert(0, str(folder))
 import ps_fmu.slavekit.author.slave
-from ps_fmu.slavekit.pack import smoke
-from ps_fmu.slavekit.pack.from_source import build_script
-from ps_fmu.slavekit.pack.wrap import wrap
+from ps_fmu.slavekit.pack.stages import check_trial
+from ps_fmu.slavekit.pack.foreign import build_script
+from ps_fmu.slavekit.pack.foreign import wrap
 assert Path(ps_fmu.__file__).parent == folder / "ps_fmu"
 built, _ = build_script(script, output=folder)
 wrapped, _ = wrap(stock, folder / "wrapped.fmu")
 for fmu in (built, wrapped):
-    smoke.check(fmu)
+    check_trial(fmu)
 print(*sorted(name for name in sys.modules if name.count(".") == 1 and name.startswith("ps_fmu.")))
 """
 
 
 def test_the_slave_kit_alone_builds_checks_and_runs_a_slave(stock, tmp_path):
-    """In a process where the rest of the package is absent, but for the compiled library and what reads it."""
+    """In a process where the rest of the package is absent, but for the compiled library."""
     package = Path(ps_fmu.__file__).parent
     (tmp_path / "alone" / "ps_fmu").mkdir(parents=True)
-    for name in ("__init__.py", "compiled_files.py"):  # what is in no room serves all of them
-        shutil.copy(package / name, tmp_path / "alone" / "ps_fmu")
-    for name in ("slavekit", "numerics"):
+    shutil.copy(package / "__init__.py", tmp_path / "alone" / "ps_fmu")
+    for name in ("slavekit", "numerics", "native"):
         shutil.copytree(package / name, tmp_path / "alone" / "ps_fmu" / name)
     arguments = [tmp_path / "alone", write_example(tmp_path / "source"), stock]
     command = [sys.executable, "-I", "-c", ALONE, *map(str, arguments)]
     result = subprocess.run(command, capture_output=True, text=True)
     assert (result.returncode, result.stderr) == (0, "")
-    assert result.stdout == "ps_fmu.compiled_files ps_fmu.numerics ps_fmu.slavekit\n"
+    assert result.stdout == "ps_fmu.native ps_fmu.numerics ps_fmu.slavekit\n"

@@ -13,7 +13,8 @@ from support.linear import make_oscillator
 from support.processes import PATIENCE_S, end_with_children, start_dask, wait_for_scheduler
 from support.relays import make_relay
 
-from ps_fmu.studies.reading import read_study
+from ps_fmu.studies import cluster
+from ps_fmu.studies.study import read_study
 from ps_fmu.studies.sweep import SweepOptions, prepare
 
 TOY = Path(__file__).parent / "toys" / "toy_study.py"
@@ -112,6 +113,13 @@ def make_prepared(write_study, toy_fmus, tmp_path):
 def read(write_study, toy_fmus):
     """Reads a study of the toy, see ``write_study``."""
     return lambda *arguments, **named: replace(read_study(write_study(*arguments, **named)), fmus=toy_fmus)
+
+
+@pytest.fixture(scope="session")
+def address():
+    """Of the scheduler of a cluster with two workers, which all tests of a session share."""
+    with cluster.connect(None, 2) as client:
+        yield client.scheduler.address
 
 
 @pytest.fixture

@@ -13,8 +13,9 @@ from support.processes import PATIENCE_S, wait_until
 
 from ps_fmu.cosim import Master
 from ps_fmu.pointing.indices import AbsoluteError, RelativeError
+from ps_fmu.requirements.quantity import Delay, Names, Time
 from ps_fmu.studies.case_runner import CaseRunner
-from ps_fmu.studies.indices import IndexRecord
+from ps_fmu.studies.observed import IndexRecord
 from ps_fmu.studies.rows import DONE, FAILED, KILLED, LATE, StartError, VersionError
 from ps_fmu.studies.study import Observed
 from ps_fmu.studies.worker import CaseProcess
@@ -72,9 +73,9 @@ def test_a_mixed_requirement_is_judged_by_all_times_of_all_cases(write_study, ma
     """The quantile of all values, from the histograms in the rows."""
     from ps_fmu.cosim.rows import make_layout
     from ps_fmu.requirements.requirement import read_requirements
+    from ps_fmu.studies.bundle import open_folder
     from ps_fmu.studies.outcome import collect, find_compliance
     from ps_fmu.studies.rows import RowStore
-    from ps_fmu.studies.study_folder import open_folder
     from ps_fmu.studies.sweep import compare_rows
 
     kinds = ("mixed", "temporal", "ensemble")
@@ -127,7 +128,9 @@ def run_values(prepared):
 def test_how_the_rows_are_cut_into_blocks_does_not_matter():
     columns = [type("Column", (), {"name": f"a.e.{axis}", "type": "Real", "unit": "rad"}) for axis in "xy"]
     values = np.random.default_rng(3).standard_normal((103, 2))
-    observed = Observed("", ("a.e",), (AbsoluteError(), RelativeError(0.01, "end")), settling_s=0.005)
+    observed = Observed(
+        signal=Names(["a.e"]), index=Names(["APE", "RPE"]), window=Time(0.01), at="end", settling=Delay(0.005)
+    )  # fmt: skip
     found = []
     for block in (1, 7, 103):
         record = IndexRecord(observed, columns, 1e-3)
@@ -145,22 +148,18 @@ def test_a_process_gives_the_rows_that_this_process_computes(folder, run_cases):
     assert without_time(run_cases(values)) == without_time([runner.run(i, own) for i, own in enumerate(values)])
 
 
-@pytest.mark.parametrize(
-    ("mode", "status", "error"),
-    [
-        ("raise", FAILED, "the model broke"),
-        ("nan", FAILED, "not a finite number"),
-        ("exit", KILLED, "exit code 3; it printed: about to leave"),
-        ("end", KILLED, "exit code "),
-        ("crash", KILLED, "signal SIGSEGV"),
-    ],
-)
-def test_a_case_that_breaks_has_a_row_and_its_neighbours_are_computed(run_cases, mode, status, error):
-    good = run_cases([GAIN, GAIN, GAIN])
-    rows = run_cases([GAIN, {**GAIN, "toy.mode": mode}, GAIN])
-    assert [row["status"] for row in rows] == [DONE, status, DONE]
-    assert error in rows[1]["error"]
-    assert without_time([rows[0], rows[2]]) == without_time([good[0], good[2]])
+def test_a_case_that_breaks_has_a_row_and_its_neighbours_are_computed(run_cases):
+    broken = {
+        "raise": (FAILED, "the model broke"),
+        "nan": (FAILED, "not a finite number"),
+        "exit": (KILLED, "exit code 3; it printed: about to leave"),
+        "end": (KILLED, "exit code "),
+        "crash": (KILLED, "signal SIGSEGV"),
+    }
+    good, *rows = run_cases([GAIN, *(values for mode in broken for values in ({**GAIN, "toy.mode": mode}, GAIN))])
+    for (status, error), row, after in zip(broken.values(), rows[::2], rows[1::2], strict=True):
+        assert row["status"] == status and error in row["error"]
+        assert without_time([after]) == without_time([{**good, "case": after["case"]}])
 
 
 def test_a_case_that_hangs_is_ended(run_cases):

@@ -5,8 +5,7 @@ import sqlite3
 import pytest
 
 from ps_fmu.studies.bundle import Bundle
-from ps_fmu.studies.rows import FILE, RowStore, write_durably
-from ps_fmu.studies.signals import FOLDER as SIGNALS
+from ps_fmu.studies.rows import FILE, SIGNALS, RowStore, write_durably
 from ps_fmu.studies.sweep import remove_leftovers
 
 PLAN, OTHER = "ab" * 32, "cd" * 32

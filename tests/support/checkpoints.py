@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import json
-import zipfile
-
 from ps_fmu.cosim import Master
+from ps_fmu.cosim.checkpoint.files import read_file, write_file
 from support.cosim import Collect
 
 H = 0.01
@@ -27,7 +25,7 @@ class Stop(Exception):
     """Ends a run as a kill would."""
 
 
-def run(system, checkpoints=None, *, stop_s=None, steps=STEPS, events=EVENTS, beside=False, **options):
+def run(system, checkpoints=None, *, stop_s=None, steps=STEPS, events=EVENTS, **options):
     """All rows of a run; with ``stop_s`` it ends there."""
     keep = Keep()
 
@@ -38,7 +36,7 @@ def run(system, checkpoints=None, *, stop_s=None, steps=STEPS, events=EVENTS, be
     with Master(system, H, block_rows=7, **options) as master:
         master.initialise()
         try:
-            master.run(steps * H, [keep], events, watch, beside=beside, checkpoints=checkpoints)
+            master.run(steps * H, [keep], events, watch, checkpoints=checkpoints)
         except Stop:
             assert stop_s is not None
     return keep
@@ -51,20 +49,7 @@ def check_same(found, expected):
 
 
 def edit(path, change):
-    """Change the JSON of a checkpoint by ``change(head)``."""
-    head, data = read_parts(path)
-    change(head)
-    write_parts(path, head, data)
-
-
-def read_parts(path):
-    """The JSON of a checkpoint, and the bytes of its arrays."""
-    with zipfile.ZipFile(path) as archive:
-        return json.loads(archive.read("checkpoint.json")), archive.read("arrays.bin")
-
-
-def write_parts(path, head, data):
-    """Write a checkpoint."""
-    with zipfile.ZipFile(path, "w") as archive:
-        archive.writestr("checkpoint.json", json.dumps(head))
-        archive.writestr("arrays.bin", data)
+    """Change the content of a checkpoint by ``change(tree)``."""
+    tree = read_file(path)
+    change(tree)
+    write_file(path, tree)

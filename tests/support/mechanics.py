@@ -8,10 +8,20 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import lambertw
 
+from ps_fmu.control.feedforward import Controller
 from ps_fmu.mechanism.dynamics import Dynamics, Pose, assemble
 from ps_fmu.mechanism.inverse_kinematics import inverse_kinematics
+from ps_fmu.mechanism.linear_model import PlantModel
 from ps_fmu.mechanism.parameters import Parameters, load
 from ps_fmu.mechanism.rotations import rotation_matrix
+from ps_fmu.theory.loop import (
+    BASE_ACCELERATION,
+    BASE_WRENCH,
+    FINE_FORCES,
+    OUTPUT_NAMES,
+    controller_system,
+    plant_system,
+)
 
 REFERENCE = Path(__file__).parents[1] / "data" / "multibody-reference.json"
 PAPER = load()
@@ -106,6 +116,26 @@ def complex_array(pair: list) -> NDArray[np.complex128]:
 def relative_error(value: NDArray, reference: NDArray) -> float:
     """Largest difference over frequencies, each against the largest element of the reference matrix there."""
     return float((np.abs(value - reference).max(axis=(-2, -1)) / np.abs(reference).max(axis=(-2, -1))).max())
+
+
+def closed_loop(model: PlantModel, controller: Controller):
+    """Plant and isolator together: from base wrench (6) to the plant's outputs, in continuous time without delay."""
+    from control import interconnect, ss  # 1 s to import
+
+    plant, isolator = plant_system(model), controller_system(controller)
+    # The wrench comes from outside under its own name; everything else is matched by name.
+    return ss(
+        interconnect(
+            [plant, isolator],
+            connections=[[f"isolator.{name}", f"plant.{name}"] for name in BASE_ACCELERATION]
+            + [[f"plant.{name}", f"isolator.{name}"] for name in FINE_FORCES],
+            inplist=[f"plant.{name}" for name in BASE_WRENCH],
+            inputs=BASE_WRENCH,
+            outlist=[f"plant.{name}" for name in OUTPUT_NAMES],
+            outputs=OUTPUT_NAMES,
+            name="closed_loop",
+        )
+    )
 
 
 def restitution(damping: float, speed: float) -> float:

@@ -21,8 +21,8 @@ from ps_fmu.runs.scenario import SCENARIOS
 from ps_fmu.runs.setup import load_system
 from ps_fmu.scenarios import pointing as scenario
 from ps_fmu.scenarios.pointing_loop import build_loop, make_shaking, measure_loop
-from ps_fmu.theory.line_of_sight_design import find_margins
-from ps_fmu.theory.state_space import plant_system
+from ps_fmu.theory.line_of_sight import find_margins
+from ps_fmu.theory.loop import plant_system
 
 LINE_OF_SIGHT = Path(__file__).parents[2] / "system" / "LineOfSight.ssd"
 H = 1e-3  # s

@@ -23,8 +23,8 @@ IMPORTS = """if True:
     from ps_fmu.run_command import main
     code = main(["isolation", "--duration", "4", "--step", "1e-3", "--no-figures", "--output", "out"])
     large = {"scipy", "matplotlib", "xarray", "pandas", "dask"}
-    others = {"ps_fmu.disturbance", "ps_fmu.scenarios.pointing_loop", "ps_fmu.scenarios.slew_report"}
-    others |= {"ps_fmu.scenarios.wheel_setup"}
+    others = {"ps_fmu.disturbance", "ps_fmu.scenarios.pointing_loop", "ps_fmu.scenarios.slew_results"}
+    others |= {"ps_fmu.scenarios.wheels"}
     print(json.dumps([code, sorted((large | others) & set(sys.modules))]))
 """
 """A run imports what it needs: large packages take longer to load than a short run, and other scenarios count."""

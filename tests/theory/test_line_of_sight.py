@@ -8,8 +8,14 @@ from support.mechanics import PAPER
 
 from ps_fmu.control.pointing import PointingLaw
 from ps_fmu.mechanism.parameters import load
-from ps_fmu.theory.line_of_sight import PointingLoop, Timing, cut_axis, split
-from ps_fmu.theory.line_of_sight_design import fastest_crossover, find_margins, margins_of
+from ps_fmu.theory.line_of_sight import (
+    PointingLoop,
+    Timing,
+    cut_axis,
+    find_margins,
+    margins_of,
+    split,
+)
 from ps_fmu.theory.loop import loop_at
 from ps_fmu.theory.transmissibility import from_base
 
@@ -79,19 +85,6 @@ def test_the_default_design_keeps_its_margins(bus, rpy_deg):
         assert margins.phase_deg > 45.0
 
 
-def test_the_fastest_crossover_just_keeps_the_margins():
-    fastest = fastest_crossover(LOOP)
-    assert fastest > LOOP.control.design.crossover_frequency
-    for factor, met in ((1.0, True), (1.05, False)):
-        new = replace(
-            LOOP.control.design,
-            crossover_frequency=factor * fastest,
-            integral_frequency=0.32 * factor * fastest,
-        )
-        margins = find_margins(LOOP.with_control(replace(LOOP.control, design=new)))
-        assert all(one.met for one in margins) is met
-
-
 def test_without_the_isolator_the_loop_keeps_margins_too():
     assert all(margins.met for margins in find_margins(replace(LOOP, isolated=False)))
 
@@ -100,13 +93,6 @@ def test_noise_of_the_tracker_is_what_the_target_makes():
     """At low frequencies the payload follows: density 2 T sigma^2."""
     density = LOOP.noise_density(np.array([2j * np.pi * 1e-3]), np.array([1e-6, 2e-6, 0.0]))[0]
     np.testing.assert_allclose(np.diag(density), 0.02 * np.array([1e-12, 4e-12, 0.0]), rtol=1e-3, atol=1e-20)
-
-
-def test_an_accelerometer_bias_leaves_no_error():
-    """The loop integrates twice: the response to a bias goes with the square of the frequency."""
-    s = 2j * np.pi * np.array([1e-4, 1e-3])
-    size = np.linalg.norm(LOOP.from_accelerometers(s), axis=(1, 2))
-    assert size[1] / size[0] == pytest.approx(100.0, rel=0.05)
 
 
 def test_the_paper_set_is_the_default():

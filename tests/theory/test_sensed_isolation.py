@@ -8,8 +8,7 @@ import pytest
 from ps_fmu.control.pointing import PointingLaw
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.mechanism.quantities import replace_values
-from ps_fmu.sensors.defaults import default_sensors
-from ps_fmu.theory.jitter import jitter
+from ps_fmu.sensors.inertial import default_sensors
 from ps_fmu.theory.line_of_sight import PointingLoop, Timing
 from ps_fmu.theory.loop import loop_at
 from ps_fmu.theory.sensed_isolation import (
@@ -21,6 +20,7 @@ from ps_fmu.theory.sensed_isolation import (
     sensing_response,
     with_noise,
 )
+from ps_fmu.theory.transmissibility import jitter
 
 STEP = 1e-4  # s
 
@@ -97,6 +97,8 @@ def test_a_line_of_sight_loop_is_that_of_its_own_theory(isolation):
     delayed = replace(isolation.loop, controller=slower, delay=(LOOP_DELAY + 1.0) * STEP)
     some = slice(None, None, 50)
     s = 2j * np.pi * isolation.frequency[some]
-    expected = PointingLoop(delayed, control, timing).from_accelerometers(s) * np.exp(s * STEP)[:, None, None]
+    closed = PointingLoop(delayed, control, timing)
+    K = slower.response(s) * np.exp(s * (STEP - delayed.delay))[:, None, None]
+    expected = closed.sensitivity(s) @ closed.plant(s) @ K
     assert found.to_noise[some] == pytest.approx(expected, rel=1e-3, abs=1e-3 * np.abs(expected).max())
     assert line_of_sight(np.diag([9.0, 16.0, 100.0])) == 5.0

@@ -4,15 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.mechanics import ORIENTATIONS_DEG, PAPER
+from support.mechanics import ORIENTATIONS_DEG, PAPER, closed_loop
 
 from ps_fmu.mechanism.rotations import skew
 from ps_fmu.paper.published import published_numbers
-from ps_fmu.theory.jitter import jitter, jitter_of_lines
-from ps_fmu.theory.loop import loop_at
-from ps_fmu.theory.state_space import closed_loop, plant_system
+from ps_fmu.theory.loop import loop_at, plant_system
 from ps_fmu.theory.transfer_matrices import Practical
-from ps_fmu.theory.transmissibility import from_base, from_wrench, singular_values_db
+from ps_fmu.theory.transmissibility import from_base, from_wrench, jitter, jitter_of_lines, singular_values_db
 
 S = 2j * np.pi * np.geomspace(0.05, 300.0, 40)  # rad/s
 NAMES = ("nominal", "roll", "pitch", "yaw")

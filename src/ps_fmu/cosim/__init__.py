@@ -1,7 +1,7 @@
 """Co-simulation of FMUs: read a system, run it, record it."""
 
+from .clock import Event
 from .errors import ConvergenceError, CosimError, RecorderError, SlaveError, SystemFileError, UsageError, WiringError
-from .events import Event
 from .master import Master
 from .recording.delivery import Observer
 from .recording.recorder import Recorder

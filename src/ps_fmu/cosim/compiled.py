@@ -16,7 +16,6 @@ from .checkpoint.state import Stateful
 from .errors import CosimError
 from .faults.effects import EffectGroup
 from .guard import NamedCall, NamedSteps, load_library
-from .native import LOOP
 from .plan import Call, Change, Feed, Gather, Move, Operation, Plan
 from .rows import Array, Rows
 from .stopwatch import Laps, Timing
@@ -89,7 +88,7 @@ class StepLoop(Protocol):
         """
 
     def count_rows(self) -> int:
-        """Complete rows of the block now, for another thread to ask while the loop runs; rather too few than more."""
+        """Complete rows of the block now, also while the loop runs; rather too few than more."""
 
 
 def check_library() -> None:
@@ -97,9 +96,7 @@ def check_library() -> None:
     try:
         load_library()
     except OSError as error:
-        platforms = " and ".join(LOOP.targets)
-        text = f"{error}\n  No steps can be run without it.  'make launcher' compiles it, for {platforms}."
-        raise CosimError(text) from error
+        raise CosimError(f"{error}\n  No steps can be run without it.  'make launcher' compiles it.") from error
 
 
 class CompiledLoop:
@@ -143,7 +140,7 @@ class CompiledLoop:
         try:
             self._run(self._rows.block[first:], times, interrupted)
         finally:
-            done, loop.rows_done = loop.rows_done, 0  # whoever counts rows meanwhile counts too few
+            done, loop.rows_done = loop.rows_done, 0
             self._rows.filled = first + done
 
     def run_range(self, number: int, time: float) -> None:

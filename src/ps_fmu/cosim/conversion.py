@@ -8,12 +8,64 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from fmpy.model_description import ModelDescription, ModelVariable
 
-from .hops import Conversion, End, Hop, Transformation
-from .units import find_conversion, find_fmu_unit
-from .values import EXPECTED, fits_int32, parse_value
+from .description import convert_value, explain_unsettable, get_unit
+from .errors import UsageError
+from .structure import Component, Parameter, suggest_names
+from .values import (
+    EXPECTED,
+    EXPONENTS,
+    Conversion,
+    End,
+    Hop,
+    Transformation,
+    Unit,
+    Value,
+    fits_int32,
+    list_items,
+    parse_value,
+)
+
+
+def find_fmu_unit(variable: ModelVariable, description: ModelDescription) -> Unit | None:
+    """The unit of a variable as its FMU defines it; None where the FMU states none."""
+    name = get_unit(variable) if variable.type == "Real" else None
+    if name is None:
+        return None
+    for unit in description.unitDefinitions:
+        if unit.name == name and unit.baseUnit is not None:
+            base = unit.baseUnit
+            return Unit(name, tuple(float(getattr(base, key)) for key in EXPONENTS), base.factor, base.offset)
+    return Unit(name)
+
+
+def are_equal(one: Unit, other: Unit) -> bool:
+    """Whether two units mean the same: by their definitions, and by name where one has none."""
+    if one.exponents is None or other.exponents is None:
+        return one.name == other.name
+    return (one.exponents, one.factor, one.offset) == (other.exponents, other.factor, other.offset)
+
+
+def find_conversion(start: Unit | None, end: Unit | None) -> tuple[float, float]:
+    """Factor and offset that turn a value in ``start`` into one in ``end``; a unit that nobody states is the other's.
+
+    Raises ValueError: two names of which one has no definition, other dimensions, or a factor that cannot be used.
+    """
+    if start is None or end is None or are_equal(start, end):
+        return 1.0, 0.0
+    if start.exponents is None or end.exponents is None:
+        unknown = start if start.exponents is None else end
+        raise ValueError(f"the units differ, {start.name!r} and {end.name!r}, and nobody defines {unknown.name!r}")
+    if start.exponents != end.exponents:
+        raise ValueError(f"the units differ in their dimensions, {start.name!r} and {end.name!r}")
+    for unit in (start, end):  # an FMU may state any
+        if unit.factor == 0.0 or not (math.isfinite(unit.factor) and math.isfinite(unit.offset)):
+            raise ValueError(f"the unit {unit.name!r} has factor {unit.factor!r} and offset {unit.offset!r}")
+    return start.factor / end.factor, (start.offset - end.offset) / end.factor
+
 
 INTEGERS = ("Integer", "Enumeration")
 _VALID_FOR = {"Linear": ("Real",), "Boolean": ("Boolean",), "Integer": INTEGERS, "Enumeration": ("Enumeration",)}
@@ -86,3 +138,80 @@ def _make_table(transformation: Transformation, here: End, there: End) -> dict[i
             raise ValueError(f"the source value {entry[0]!r} occurs twice")
         table[sides[0]] = sides[1]
     return table
+
+
+# ---- start values ---------------------------------------------------------------------------------------------------
+
+
+def resolve_start_values(
+    component: Component, variables: Mapping[str, ModelVariable], ends: Mapping[str, End]
+) -> tuple[dict[str, Value], list[str], list[str]]:
+    """The values to set before the initialisation; what is wrong; and what is ignored, as SSP asks for.
+
+    A binding of the system may name parameters that an FMU has not.
+    """
+    values: dict[str, Value] = {}
+    problems: list[str] = []
+    remarks: list[str] = []
+    for name, parameter in component.parameters.items():
+        where = f"parameter {component.name}.{name} ({parameter.origin})"
+        if name not in variables:
+            near = suggest_names(name, [*variables, *(f"{component.name}.{known}" for known in variables)])
+            text = f"{where}: {component.source.name} has no such variable{near}"
+            (remarks if parameter.bound else problems).append(text + (": ignored" if parameter.bound else ""))
+            continue
+        variable = variables[name]
+        reason = None if has_exact_start(variable) else explain_unsettable(variable, running=False)
+        if reason:
+            problems.append(f"{where}: {reason}")
+        if parameter.bound and _is_undefined(parameter, ends[name]):
+            remarks.append(f"{where}: nobody defines the unit {parameter.unit!r}: the value is taken as it is")
+            parameter = replace(parameter, unit=None)
+        try:
+            values[name] = convert_value(variable, _convert(parameter, ends[name]))
+            items = ends[name].items
+            if items and values[name] not in items.values():
+                problems.append(f"{where}: the enumeration has no value {values[name]}; it has {list_items(items)}")
+        except (UsageError, ValueError) as error:
+            problems.append(f"{where}: {error}")
+    return values, problems, remarks
+
+
+def has_exact_start(variable: ModelVariable) -> bool:
+    """Whether a variable may be set before the initialisation, as those with a start value (FMI 2.0.4, table 2.2.7)."""
+    return variable.initial in ("exact", "approx") and variable.variability != "constant"
+
+
+def _is_undefined(parameter: Parameter, end: End) -> bool:
+    """Whether the unit of a value is only a name, and not that of the variable."""
+    own = end.unit.name if end.unit is not None else parameter.unit
+    return parameter.unit not in (None, own) and parameter.defined is None
+
+
+def _convert(parameter: Parameter, end: End) -> Value:
+    """The value of a parameter behind its mappings and connections.  Raises ValueError."""
+    value = parameter.value
+    items = end.items
+    if parameter.items is not None:
+        # An item of the file's own enumeration where it has one: a mapping may turn it into one of the FMU's.
+        items = parameter.items or end.items
+        value = _find_item(str(value), items)
+    unit = None if parameter.unit is None else parameter.defined or Unit(parameter.unit)
+    if not parameter.hops and unit is not None and end.unit is not None and unit.exponents is None:
+        if unit.name != end.unit.name:
+            raise ValueError(f"is given in {unit.name!r}, its unit is {end.unit.name!r}")
+        return value
+    conversion = combine(End(end.type, unit, items), parameter.hops or (Hop("its unit"),), end)
+    if end.type == "Real" and isinstance(value, int) and not isinstance(value, bool):
+        value = float(value)
+    return conversion.apply(value)
+
+
+def _find_item(name: str, items: Mapping[str, int] | None) -> int:
+    if items is not None and name in items:
+        return items[name]
+    number = parse_value("Integer", name)
+    if isinstance(number, int):
+        return number
+    known = ", ".join(items) if items else "none that is defined"
+    raise ValueError(f"the enumeration has no item {name!r}; it has {known}")

@@ -17,7 +17,7 @@ from .archive import check_archive, compute_digest, read_member
 from .errors import SystemFileError, UsageError
 from .structure import PortName, System, Value, suggest_names
 from .values import EXPECTED, fits_int32, parse_real, parse_value
-from .xmlfile import MAXIMUM_BYTES, parse_xml
+from .xmlfile import MAXIMUM_BYTES, Element, parse_xml
 
 log = logging.getLogger("ps_fmu.cosim")
 
@@ -181,3 +181,24 @@ def _bound(text: str | None) -> float | None:
         return None if text is None else float(text)
     except ValueError:
         return None
+
+
+_PLACE = "terminalsAndIcons/terminalsAndIcons.xml"
+
+
+def read_terminal_variables(fmu: Path) -> frozenset[str] | None:
+    """Names of the variables in the terminals of an FMU whose archive has been checked; None: it has no terminals.
+
+    A file that cannot be read counts as none: nothing of a simulation depends on it.
+    """
+    try:
+        root = parse_xml(read_member(fmu, _PLACE, MAXIMUM_BYTES), fmu / _PLACE)
+    except SystemFileError:
+        return None
+    found = frozenset(_list_variables(root))
+    return found or None
+
+
+def _list_variables(element: Element) -> list[str]:
+    own = [element.attributes.get("variableName", "")] if element.tag == "TerminalMemberVariable" else []
+    return [name for name in own if name] + [name for child in element.children for name in _list_variables(child)]

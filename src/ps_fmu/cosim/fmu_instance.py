@@ -8,6 +8,7 @@ co-simulation).
 from __future__ import annotations
 
 import ctypes
+import logging
 from collections.abc import Iterable, Mapping, Sequence
 from ctypes import CFUNCTYPE, byref, c_char, c_char_p, c_double, c_int, c_size_t, c_uint, c_void_p
 from enum import Enum, auto
@@ -15,10 +16,10 @@ from typing import Any, NoReturn
 
 from fmpy.model_description import ModelDescription
 
-from . import guard, pythonfmu
+from . import guard
 from .description import convert_value, index_variables, read_tolerance
 from .errors import DiscardedStep, SlaveEnded, SlaveError, SystemFileError, UsageError, name_status
-from .library import load_library
+from .library import find_missing_in, is_pythonfmu, load_library, release_once
 from .messages import MessageLog, forget, listen
 from .structure import Component, Value
 from .unpacked import discard_unpacked, ease_imports, provide_unpacked, release_unpacked
@@ -91,7 +92,7 @@ class FmuInstance:
 
     def _load(self, component: Component, description: ModelDescription) -> Any:
         fmu = load_library(component, description, self._folder)
-        if pythonfmu.is_plain(fmu.dll) and (problem := pythonfmu.find_missing_in(self._folder)):
+        if is_pythonfmu(fmu.dll) and (problem := find_missing_in(self._folder)):
             raise SystemFileError(component.source, problem)
         return fmu
 
@@ -145,7 +146,7 @@ class FmuInstance:
         self.messages.show_held()
         if self.phase not in (InstancePhase.FATAL, InstancePhase.FREED):
             self.phase = InstancePhase.FREED
-            pythonfmu.release_once(self._fmu.dll)
+            release_once(self._fmu.dll)
             with guard.NamedCall(f"{self.name}: fmi2FreeInstance"):
                 self._fmu.freeInstance()
             forget(self._callbacks)
@@ -358,3 +359,27 @@ def quote(messages: Sequence[str]) -> str:
     if not messages:
         return "\n  The FMU logged nothing."
     return "\n  The FMU says:\n" + "\n".join("    " + line.replace("\n", "\n    ") for line in messages)
+
+
+log = logging.getLogger("ps_fmu.cosim")
+
+
+def keep_states(instances: Iterable[FmuInstance]) -> dict[FmuInstance, int]:
+    """The present states; give them back by :func:`release_states`.  Raises :class:`SlaveError`, none is kept then."""
+    states: dict[FmuInstance, int] = {}
+    try:
+        for instance in instances:
+            states[instance] = instance.get_state()
+    except BaseException:
+        release_states(states)
+        raise
+    return states
+
+
+def release_states(states: Mapping[FmuInstance, int]) -> None:
+    """Give states back; an FMU that refuses is named in a warning, for what went wrong before says more."""
+    for instance, state in states.items():
+        try:
+            instance.free_state(state)
+        except SlaveError as error:
+            log.warning("%s", error)

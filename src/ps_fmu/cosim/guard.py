@@ -1,7 +1,7 @@
 """FMUs in this process: how they may change it, and what is left when one of them ends it.
 
-See ``native/guard.c``.  Where there is no such library, an FMU that crashes or exits takes the process along without a
-word.
+See ``native/loop/guard.c``.  Where there is no such library, an FMU that crashes or exits takes the process along
+without a word.
 """
 
 from __future__ import annotations
@@ -9,15 +9,17 @@ from __future__ import annotations
 import ctypes
 import logging
 import os
+import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from ctypes import POINTER, Structure, c_char_p, c_double, c_int, c_void_p
 from functools import cache
+from types import FrameType
 
+from ..native import find_compiled, load
 from .errors import CosimError
-from .native import LOOP, PLATFORM
 
 log = logging.getLogger("ps_fmu.cosim")
 
@@ -51,10 +53,7 @@ class Place(Structure):
 @cache
 def load_library() -> ctypes.CDLL:
     """The library of the loop.  Raises OSError if there is none for this platform, or none that can be loaded."""
-    path = LOOP.find_whole(PLATFORM)
-    if path is None:
-        raise OSError(f"there is no compiled loop for {PLATFORM}")
-    library = ctypes.CDLL(str(path))
+    library = load("loop")
     library.guard_prepare.argtypes, library.guard_prepare.restype = (c_void_p, c_void_p), None
     python = (ctypes.pythonapi.PyGILState_Check, ctypes.pythonapi.Py_IsInitialized)
     library.guard_prepare(*(ctypes.cast(function, c_void_p) for function in python))
@@ -75,7 +74,7 @@ def _load_locked() -> ctypes.PyDLL | None:
     """The library for calls that keep the interpreter's lock, which take less time; None where there is none."""
     if find_library() is None:
         return None
-    library = ctypes.PyDLL(str(LOOP.find_whole(PLATFORM)))
+    library = ctypes.PyDLL(str(find_compiled("loop")))
     library.guard_enter.argtypes, library.guard_enter.restype = (c_void_p,), c_void_p
     return library
 
@@ -197,3 +196,34 @@ class NamedSteps:
         """Steps at these times, by the address of the first [s]."""
         self.place.times = times
         return NamedCall(self.place)
+
+
+# ---- Ctrl-C ---------------------------------------------------------------------------------------------------------
+
+
+@contextmanager
+def note_interrupts() -> Iterator[c_int]:
+    """A number that is zero until SIGINT arrives; the loop in C can read it, too.
+
+    A second SIGINT acts at once, by the handler from before, for an FMU in Python, or in a process of its own, that
+    hangs.  Nothing is changed outside of the main thread, where Python takes no signals, and where SIGINT is ignored.
+    """
+    noted = c_int()
+    previous = signal.getsignal(signal.SIGINT)
+    main = threading.current_thread() is threading.main_thread()
+    if not main or previous in (None, signal.SIG_IGN):
+        yield noted
+        return
+
+    def note(number: int, frame: FrameType | None) -> None:
+        if noted:
+            signal.signal(signal.SIGINT, previous)
+            if callable(previous):
+                previous(number, frame)
+        noted.value = number
+
+    signal.signal(signal.SIGINT, note)
+    try:
+        yield noted
+    finally:
+        signal.signal(signal.SIGINT, previous)

@@ -13,24 +13,19 @@ from typing import Self
 
 from fmpy.model_description import ModelDescription
 
-from .assembly import Assembly
-from .checkpoint.checkpoints import NoCheckpoints, RunKeeper
-from .clock import make_clock
-from .closing import end_all
+from .checkpoint.checkpoints import Checkpoints
+from .clock import Event, Progress, Schedule, make_clock, make_schedule, time_progress
 from .columns import RunColumns
 from .compiled import check_library
 from .description import check_value, find_variable, read_descriptions
 from .errors import CosimError, SlaveEnded, UsageError
-from .events import Event, Progress, Schedule, make_schedule, time_progress
 from .faults.active import make_faults
 from .faults.reading import FaultFile
 from .fmu_instance import InstancePhase
 from .graph import KnownVariables, OpenInput, check_wiring
-from .guard import NumberGuard, keep_rows
-from .initialisation import initialise, load, read_first_row
-from .interrupt import note_interrupts
+from .guard import NumberGuard, keep_rows, note_interrupts
+from .initialisation import end_all, initialise, load, read_first_row
 from .isolation.instance import Isolation, find_maker
-from .recording.beside import make_delivery
 from .recording.delivery import Delivery, Observer
 from .rows import Column
 from .schemes.making import plan_steps
@@ -39,7 +34,7 @@ from .schemes.scheme import Scheme, make_scheme
 from .signals import Signal, bind_signals, get_first_values
 from .stopwatch import Stopwatch
 from .structure import Parameter, PortName, System, Value
-from .wires import find_fed
+from .wires import Assembly, find_fed
 
 log = logging.getLogger("ps_fmu.cosim")
 
@@ -239,8 +234,7 @@ class Master(Assembly):
         events: Iterable[Event] = (),
         progress: Progress | None = None,
         *,
-        beside: bool = False,
-        checkpoints: RunKeeper | None = None,
+        checkpoints: Checkpoints | None = None,
     ) -> None:
         """Advance by ``duration`` [s]; the first run begins with row 0, each later one with the row after.
 
@@ -248,8 +242,7 @@ class Master(Assembly):
         first; then the FMUs are terminated and freed as far as the standard allows, and the error is
         raised.
 
-        With ``beside`` the observers work in a thread beside the loop: they see the same blocks, a little later, and
-        must not use this object.  ``checkpoints`` keep the run, and have it go on, see :class:`.Checkpoints`.
+        ``checkpoints`` keep the run, and have it go on, see :class:`.Checkpoints`.
 
         An FMU that ends the simulation by itself (fmi2Discard with fmi2Terminated) is no failure: :attr:`ended` is it.
 
@@ -261,7 +254,7 @@ class Master(Assembly):
             raise UsageError("the system is closed" if self._closed else "call initialise() first")
         if self._ended is not None:
             raise UsageError(f"the simulation has ended: {self._ended}")
-        keeper, steps = checkpoints or NoCheckpoints(), self.clock.steps(duration)
+        keeper, steps = checkpoints or Checkpoints(None), self.clock.steps(duration)
         first, self._index = keeper.begin(self, self._index, steps, observers)
         end = first + steps
         self.clock.check_end(end)
@@ -269,7 +262,7 @@ class Master(Assembly):
         self._running = True
         try:
             count = lambda: 0 if self.loop is None else self.loop.count_rows()  # noqa: E731
-            delivery = make_delivery(self.rows, self.clock, self.columns, observers, count, beside)
+            delivery = Delivery(self.rows, self.clock, self.columns, observers, count)
             with note_interrupts() as interrupted, keep_rows(delivery.store):
                 self._advance(end, schedule, delivery, progress, interrupted, keeper)
         except SlaveEnded as ended:
@@ -335,7 +328,7 @@ class Master(Assembly):
 
     def _advance(
         self, end: int, schedule: Schedule, delivery: Delivery, progress: Progress | None, interrupted: c_int,
-        keeper: RunKeeper,
+        keeper: Checkpoints,
     ) -> None:  # fmt: skip
         rows, clock = self.rows, self.clock
         note = time_progress(progress, self.time)
@@ -357,19 +350,15 @@ class Master(Assembly):
                     self._index = rows.first_index + rows.filled - 1
                 if rows.filled == rows.capacity or self._index == end:
                     delivery.hand_over()
-                if self._index == end:
-                    delivery.wait()
+                else:
+                    delivery.hand_over_early()
                 note(self.time)
                 stops = bool(interrupted)  # once: Ctrl-C may come at any moment
-                keeper.arrive(self._index, len(schedule), delivery, stops)
+                keeper.arrive(self._index, len(schedule), stops)
                 if stops:
                     raise KeyboardInterrupt
         except BaseException as error:
             delivery.conclude(error)
-        finally:
-            delivery.close()
-            if delivery.failed_at is not None:
-                self._index = delivery.failed_at
 
     def _abort(self) -> None:
         """Free everything after a failure, without hiding it behind another one."""

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from threading import Lock
 from typing import Any, Protocol
 
 import numpy as np
@@ -18,8 +17,8 @@ from numpy.typing import NDArray
 
 from ..reduction.columns import complete_rows, find_peak
 from .description import DISCRETE_TYPES, get_unit
-from .hops import Conversion
 from .structure import PortName
+from .values import Conversion
 
 Array = NDArray[np.float64]
 
@@ -146,15 +145,6 @@ class Rows:
         self.latest: Array = np.zeros(len(layout.columns))
         self.real = Latest(layout.real, self.latest[: self._n_real])
         self.discrete = Latest(layout.discrete, self._integers(self.latest))
-        self.lock = Lock()
-        """Held to take rows away, and by another thread while it counts and copies them."""
-
-    def make_blocks(self, count: int) -> list[Array]:
-        """Other blocks, for :meth:`exchange`: side by side, so that the system maps them in few large pages.
-
-        Those that are never filled take no memory.
-        """
-        return [*np.empty((count, self.capacity, self.latest.size))]
 
     def _integers(self, rows: Array) -> NDArray[np.int32]:
         """The C ints at the end of rows, a view."""
@@ -183,37 +173,21 @@ class Rows:
         filled, self.filled = self.filled, 0
         self.first_index += filled
 
-    def exchange(self, other: Array) -> tuple[Array, Array]:
-        """Go on in another block: the complete rows, for :meth:`finish`, and the block so far."""
-        with self.lock:
-            rows = self.block[: self.filled]
-            self.next_block()
-            self.block, other = other, self.block
-        return rows, other
-
-    def go_back(self, filled: int) -> None:
-        """Only so many rows are complete any longer."""
-        with self.lock:
-            self.filled = filled
-
     def restore(self, first_index: int, block: Array, latest: Array) -> None:
         """Take over the unfinished block of another run, as it lies in :attr:`block`, and its latest outputs."""
-        with self.lock:
-            self.block[: len(block)] = block
-            self.latest[:] = latest
-            self.first_index, self.filled = first_index, len(block)
+        self.block[: len(block)] = block
+        self.latest[:] = latest
+        self.first_index, self.filled = first_index, len(block)
 
     @contextmanager
     def aside(self) -> Iterator[None]:
         """During the body rows go into another block, which is forgotten after it."""
-        with self.lock:
-            block, filled = self.block, self.filled
-            (self.block,), self.filled = self.make_blocks(1), 0
+        block, filled = self.block, self.filled
+        self.block, self.filled = np.empty_like(block), 0
         try:
             yield
         finally:
-            with self.lock:
-                self.block, self.filled = block, filled
+            self.block, self.filled = block, filled
 
     def finish(self, rows: Array) -> tuple[Array, float]:
         """Rows of a block as numbers, in place, derived columns last, and what :func:`.find_peak` says of them."""

@@ -21,10 +21,9 @@ from numpy.typing import NDArray
 from .conversion import INTEGERS, combine, find_end
 from .description import find_variable
 from .errors import SystemFileError, UsageError
-from .hops import Conversion, End, list_items
 from .rows import Array, Column, Derived
 from .structure import PortName, System, SystemInput, suggest_names
-from .values import Value, fits_int32, parse_value
+from .values import Conversion, End, Value, fits_int32, list_items, parse_value
 from .xmlfile import read_bytes
 
 AT_ONCE = 1e-6

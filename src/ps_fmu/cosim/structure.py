@@ -13,9 +13,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from .errors import SystemFileError, UsageError
-from .hops import End, Hop, Items, Unit
-from .temporary import make_temporary, remove_temporary
-from .values import Value
+from .unpacked import make_temporary, remove_temporary
+from .values import End, Hop, Items, Unit, Value
 
 COMPONENT_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 

@@ -93,11 +93,11 @@ class RepeatingLoop:
         self._kept: _Kept | None = None
         self._kept_at = 0.0
         self._since: list[Array] = []  # times of the steps since then [s]
-        self._whole: int | None = None  # rows before a step that is made in parts
+        self._replays = False
 
     def count_rows(self) -> int:
-        """As :meth:`.compiled.StepLoop.count_rows`: without those of parts of a step."""
-        return self.loop.count_rows() if self._whole is None else self._whole
+        """As :meth:`.compiled.StepLoop.count_rows`: none of those that are made again."""
+        return 0 if self._replays else self.loop.count_rows()
 
     def advance(self, times: Array, interrupted: c_int) -> None:
         """As :meth:`.compiled.StepLoop.advance`; ends behind a step that was repeated."""
@@ -117,11 +117,7 @@ class RepeatingLoop:
             self._warn(error)
             self._replay(interrupted)
             if not interrupted:
-                self._show_only(rows.filled)
-                try:
-                    self._divide(float(times[done]), error, interrupted)
-                finally:
-                    self._show_only(None)
+                self._divide(float(times[done]), error, interrupted)
             self.is_between_steps = rows.filled > first + done
             self.forget()
         else:
@@ -146,7 +142,7 @@ class RepeatingLoop:
         """From the kept states make the steps since again; the rows are there already."""
         assert self._kept is not None
         self._restore(self._kept)
-        self._show_only(0)
+        self._replays = True
         try:
             with self._rows.aside():
                 for times in self._since:
@@ -156,7 +152,7 @@ class RepeatingLoop:
                         self.loop.advance(times[begin:], interrupted)
                         begin += self._rows.filled
         finally:
-            self._show_only(None)
+            self._replays = False
 
     def _divide(self, time: float, error: DiscardedStep, interrupted: c_int) -> None:
         """Make the step from ``time`` on in parts; its row is stored."""
@@ -171,11 +167,11 @@ class RepeatingLoop:
             try:
                 loop.advance(np.array([now]), interrupted)
             except SlaveEnded as ended:
-                rows.go_back(filled)
+                rows.filled = filled
                 ended.time = time
                 raise
             except DiscardedStep as again:
-                rows.go_back(filled)
+                rows.filled = filled
                 tries -= 1
                 if size / 2.0 < SMALLEST * self._step or tries == 0:
                     again.add_note(f"It was repeated in parts, the last of {size:.3g} s.")
@@ -192,13 +188,8 @@ class RepeatingLoop:
                 return
             now = end if last else now + size
             if not last:
-                rows.go_back(filled)
+                rows.filled = filled
             size = end - now
-
-    def _show_only(self, count: int | None) -> None:
-        """What another thread counts from now on; None: all complete rows."""
-        with self._rows.lock:
-            self._whole = count
 
     def _warn(self, error: DiscardedStep) -> None:
         """Once for each FMU."""

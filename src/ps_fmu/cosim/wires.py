@@ -6,13 +6,47 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from fmpy.model_description import ModelDescription
 from numpy.typing import NDArray
 
-from .assembly import Assembly
+from .clock import StepClock
+from .columns import RunColumns
+from .faults.active import ActiveFaults
 from .fmu_instance import FAMILY, FmuInstance
+from .graph import Wiring
 from .plan import Call, Change, Feed, Gather, Gathered, Move, Span
-from .rows import Latest
-from .structure import PortName
+from .rows import Latest, Rows
+from .schemes.scheme import Scheme
+from .signals import BoundSignal
+from .stopwatch import Stopwatch
+from .structure import PortName, System, Value
+from .substeps import RepeatingLoop
+
+
+class Assembly:
+    """The parts of a :class:`.Master`, which sets them."""
+
+    system: System
+    clock: StepClock
+    descriptions: Mapping[str, ModelDescription]
+    """Of the FMUs, by component."""
+    scheme: Scheme
+    """As resolved for the system."""
+    wiring: Wiring
+    signals: Sequence[BoundSignal]
+    """Inputs of the run over time, which lie in the rows."""
+    faults: ActiveFaults
+    run_columns: RunColumns
+    rows: Rows
+    """Where the outputs go."""
+    stopwatch: Stopwatch | None
+    """Times whole steps."""
+    instances: dict[str, FmuInstance]
+    """The loaded FMUs, by component."""
+    values_set: dict[PortName, Value]
+    """What the user, or an event, has set; a connected input in it has left its connection."""
+    loop: RepeatingLoop | None
+    """Runs the steps; None before the initialisation."""
 
 
 def find_fed(parts: Assembly, cut: Collection[PortName]) -> set[PortName]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from ..mechanism.parameters import Parameters
-from ..mechanism.quantities import Array, Checked, ParameterError, group, quantity
+from ..mechanism.quantities import Array, Checked, group, quantity
 
 Source = Callable[[Array], Array]
 """Times (n,), s -> force and torque (n, 6), N and N.m in B at its origin.  An attribute ``rows_at_once`` says for how
@@ -33,23 +33,15 @@ class SharedSettings(Checked):
     )
     bus: BusCentre = group()
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if isinstance(self.seed, bool) or self.seed != int(self.seed) or self.seed < 0:
-            raise ParameterError("seed", f"expected a whole number, 0 or greater, got {self.seed!r}")
-        self._set("seed", int(self.seed))
-
 
 class Kind(Checked, ABC):
     """Settings of one disturbance and its generator; a dataclass whose fields are parameters of the FMU.
 
-    Each file of :mod:`.kinds` defines one subclass; that is all it takes to add a kind.
+    A subclass and its place in :data:`.total.KINDS` are all it takes to add a kind.
     """
 
     name: ClassVar[str]
     """First part of the names of the parameters; ``tones`` for a tuple: ``tone_1``, ``tone_2`` ..."""
-    place: ClassVar[int] = 100
-    """Order of the parameters, and of the sum; kinds at the same place are in the order of their names."""
 
     @classmethod
     @abstractmethod

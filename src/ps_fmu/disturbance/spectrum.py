@@ -1,4 +1,4 @@
-"""From a 6x6 power spectral density to sums of spectral lines on a time grid.
+"""From a 6x6 power spectral density to sums of spectral lines on a time grid, faded smoothly.
 
 A wrench with the one-sided spectrum S is f(t) = Re sum_k L c_k exp(i w_k t), with lines 1/T apart, S = L L^T
 and E(c_k c_k^H) = 2/T.  Its double integral without offset or drift is G: every line divided by -w_k^2.
@@ -6,17 +6,76 @@ and E(c_k c_k^H) = 2/T.  Its double integral without offset or drift is G: every
 The band is cut in two layers, so that no table is long: a slow one with finely spaced lines on a coarse grid,
 and a fast one with lines 0.2 Hz apart on a fine grid.  0.1-1000 Hz with a period of 100 s need 9 MB; one grid
 for all would need 48 MB or more, and half a second per block.
+
+A disturbance is built as a second time derivative, f = d2/dt2 (w G).  Everything that is switched on or faded
+is faded before it is differentiated: the integral of f over time is then (w G)', and returns to zero with w.
+
+**The density that Gaussian noise has on average over time** is known exactly (:func:`gaussian_density`).  In the
+spectrum of w g, with the window w of :func:`crossfade` and lines g at k / T, each line is as wide as that of w; f has
+(2 pi f)^4 of it.  Lines are 1/T apart and the autocorrelation of w ends at T, so by Poisson's formula their sum is
+flat.  Only at the edges of the band one sees how wide a line is: some 2/T.  There a free body has most of its motion.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..mechanism.quantities import Array, Complex
 from ..mechanism.rotations import skew
+
+# Coefficients of x^9 .. x^0: the polynomial from 0 to 1 with four vanishing derivatives at both ends.
+_STEP = np.array([70.0, -315.0, 540.0, -420.0, 126.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+_STEP_1 = np.polyder(_STEP)
+_STEP_2 = np.polyder(_STEP, 2)
+
+
+class Weight(NamedTuple):
+    """A weight over time with its first and second derivative (1, 1/s, 1/s2), equal shapes (n,)."""
+
+    value: Array
+    rate: Array
+    curvature: Array
+
+    def times(self, other: Weight) -> Weight:
+        """Product of two weights (Leibniz)."""
+        return Weight(
+            self.value * other.value,
+            self.rate * other.value + self.value * other.rate,
+            self.curvature * other.value + 2.0 * self.rate * other.rate + self.value * other.curvature,
+        )
+
+    def second_derivative(self, g: Array, g_1: Array, g_2: Array) -> Array:
+        """d2/dt2 of weight times g, from g and its derivatives of shape (n, m)."""
+        return np.asarray(
+            self.value[:, None] * g_2 + 2.0 * self.rate[:, None] * g_1 + self.curvature[:, None] * g
+        )
+
+
+def ramp(time: Array, rise_time: float) -> Weight:
+    """From 0 at t <= 0 to 1 at t >= rise_time, four times continuously differentiable; time (n,) in s."""
+    if time.size and time.min() >= rise_time:  # the polynomials give the same, in 25 us for 256 times
+        return Weight(np.ones(time.shape), np.zeros(time.shape), np.zeros(time.shape))
+    x = np.clip(time / rise_time, 0.0, 1.0)
+    steps = (_STEP, _STEP_1, _STEP_2)
+    value, rate, curvature = (np.asarray(np.polyval(step, x), dtype=np.float64) for step in steps)
+    return Weight(value, rate / rise_time, curvature / rise_time**2)
+
+
+def crossfade(time: Array, hop: float) -> Weight:
+    """The window w of a block that lives on 0 <= t <= 2 hop, with w(t)^2 + w(t + hop)^2 = 1 on 0 <= t <= hop.
+
+    Independent blocks at a distance of one hop then add up to a process of constant power.
+    """
+    up = ramp(hop - np.abs(time - hop), hop)
+    direction = np.where(time <= hop, 1.0, -1.0)
+    angle = Weight(*(0.5 * np.pi * part for part in (up.value, direction * up.rate, up.curvature)))
+    sine, cosine = np.sin(angle.value), np.cos(angle.value)
+    return Weight(sine, cosine * angle.rate, cosine * angle.curvature - sine * angle.rate**2)
+
 
 SPLIT = 20.0  # Hz, between the layers
 OVERLAP = 15.0  # Hz, where a gradual change from the slow to the fast layer begins
@@ -111,3 +170,46 @@ def to_origin(com: Array) -> Array:
     move = np.eye(6)
     move[3:, :3] = skew(com)
     return move
+
+
+_REACH = 12  # lines to either side of a frequency: further away a line has 1e-10 of its largest density
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(64)
+
+
+def gaussian_density(band: Array, period: float, frequency: Array) -> Array:
+    """Density (n,) at ascending frequencies (n,), Hz, above 0, in parts of the flat density that is asked for.
+
+    Parameters
+    ----------
+    band: (2,), edges, Hz.
+    period: of the slow lines, s, as of :class:`.gaussian.GaussianNoise`.
+    """
+    found = np.zeros(len(frequency))
+    for layer in layers(band, period, half=False, overlap=True):
+        found += _layer_density(layer, frequency)
+    return found
+
+
+def _layer_density(layer: Layer, frequency: Array) -> Array:
+    total = np.zeros(len(frequency))
+    lines, shares = layer.frequencies, share(layer) ** 2
+    nearest = np.rint(frequency * layer.period).astype(np.int64) - layer.numbers[0]
+    for shift in range(-_REACH, _REACH + 1):
+        place = nearest + shift
+        there = np.flatnonzero((place >= 0) & (place < len(lines)))
+        line = place[there]
+        off = (frequency[there] - lines[line]) * layer.period
+        total[there] += shares[line] * _line_shape(off) * (frequency[there] / lines[line]) ** 4
+    return total
+
+
+def _line_shape(off: Array) -> Array:
+    """Density of a line, in parts of that asked for, at ``off`` (n,) line spacings from it.
+
+    The square of w's Fourier transform, 2/T^2 of it: a line has the mean square 1/T of a density of one, and a block
+    begins every T/2.
+    """
+    time = 0.5 * (_NODES + 1.0) * 0.5  # s, from 0 to the middle of a block of 1 s
+    window = crossfade(time, 0.5).value
+    transform = 0.5 * np.cos(2.0 * np.pi * off[:, None] * (0.5 - time)) @ (_WEIGHTS * window)
+    return np.asarray(2.0 * transform**2)

@@ -13,8 +13,13 @@ from ..mechanism.quantities import Array, ParameterError, group, list_members
 from ..numerics.calls import Calls, put_before
 from .gaussian import GaussianNoise
 from .kind import BusCentre, Kind, SharedSettings, Source
-from .kinds import find_kinds
+from .noise import NoiseSettings
+from .recording import RecordingSettings
+from .tones import ChirpSettings, ToneSettings
+from .wheels import WheelSettings
 
+KINDS: tuple[type[Kind], ...] = (NoiseSettings, WheelSettings, ToneSettings, ChirpSettings, RecordingSettings)
+"""In the order of the sum, and of the parameters."""
 _CHUNK = 256  # rows of a part
 
 
@@ -28,7 +33,7 @@ class DisturbanceSettings(SharedSettings):
     @classmethod
     def from_parameters(cls, p: Parameters) -> DisturbanceSettings:
         """The noise of a parameter set alone; wheels, sines and sweep ready to be switched on."""
-        kinds = {kind.name: kind.make_defaults(p) for kind in find_kinds()}
+        kinds = {kind.name: kind.make_defaults(p) for kind in KINDS}
         return cls(seed=1, rise_time=2.0, bus=BusCentre(p.bus.com_B), kinds=kinds)
 
     def __post_init__(self) -> None:

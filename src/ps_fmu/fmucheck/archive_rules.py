@@ -6,8 +6,8 @@ import zipfile
 from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
 
-from ..cosim import pythonfmu
 from ..cosim.archive import read_member
+from ..cosim.library import MODULE_FILE, find_missing
 from .reading import Description
 
 _DATA_DESCRIPTOR = 1 << 3  # general purpose bit 3
@@ -52,9 +52,9 @@ def _compare_names(names: list[str]) -> Iterator[str]:
 
 def _check_pythonfmu(path: Path, names: list[str], description: Description) -> Iterator[str]:
     if description.root.attributes.get("generationTool", "").startswith("PythonFMU"):
-        named = pythonfmu.MODULE_FILE in names
-        content = read_member(path, pythonfmu.MODULE_FILE, _MOST_BYTES) if named else None
-        if problem := pythonfmu.find_missing(content, names):
+        named = MODULE_FILE in names
+        content = read_member(path, MODULE_FILE, _MOST_BYTES) if named else None
+        if problem := find_missing(content, names):
             yield f"{problem}: pythonfmu's library crashes without it"
 
 

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..cosim.interrupt import note_interrupts
+from ..cosim.guard import note_interrupts
 
 MAXIMUM_BYTES = 1_000_000
 """The rules' limit for a CSV file."""

@@ -6,12 +6,13 @@ import os
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from platform import machine
 
 from ..cosim.archive import check_archive, check_content, read_member
 from ..cosim.errors import SystemFileError
 from ..cosim.xmlfile import MAXIMUM_BYTES
-from . import archive_rules, lives, other_checkers, stages
+from ..native import find_platform
+from ..slavekit.pack.stages import StageResult, live_in_fmpy
+from . import archive_rules, lives, other_checkers
 from .reading import Description, read_description
 from .rules import DESCRIPTION_RULES, check_description
 from .verdicts import FAILED, NOT_RUN, OK, WARNING, CheckResult
@@ -49,7 +50,7 @@ def check_fmu(path: Path, run: bool = True) -> Iterator[CheckResult]:
         yield CheckResult("life in FMPy", NOT_RUN, (reason,))
         yield CheckResult("life in a C host", NOT_RUN, (reason,))
         return
-    yield from _list_stages("FMPy", lives.live_in_fmpy(path))
+    yield from _list_stages("FMPy", live_in_fmpy(path, "whole"))
     yield from _live_in_c_host(path, members, description)
 
 
@@ -85,27 +86,25 @@ def _find_obstacle(path: Path, description: Description, version: str) -> str | 
 
 def _live_in_c_host(path: Path, members: Sequence[str], description: Description) -> Iterator[CheckResult]:
     """The life in the C host.  Where an FMU of ours finds no Python, it gets one named and lives once more."""
-    from fmpy import platform
-
     try:
-        host = lives.find_c_host(platform)
+        host = lives.find_c_host()
         if host is None:
-            reason = f"the host was not compiled for {platform} on {machine()}"
+            reason = f"the host was not compiled for {find_platform()}"
             yield CheckResult("life in a C host", NOT_RUN, (reason,))
             return
-        results = lives.live_in_c_host(host, path, description, platform)
+        results = lives.live_in_c_host(host, path, description)
         stage, problem = results[-1]
         if stage == "instantiate" and problem and lives.has_launcher(members):
             python = os.environ.get(lives.PYTHON_VARIABLE, sys.executable)
             note = f"once more with {lives.PYTHON_VARIABLE}={python}"
             yield CheckResult("C host, nothing set", NOT_RUN, (note, *problem.splitlines()))
-            results = lives.live_in_c_host(host, path, description, platform, **{lives.PYTHON_VARIABLE: python})
+            results = lives.live_in_c_host(host, path, description, **{lives.PYTHON_VARIABLE: python})
     except (OSError, SystemFileError) as error:
         yield CheckResult("life in a C host", NOT_RUN, (f"the host cannot be started: {error}",))
         return
     yield from _list_stages("C host", results)
 
 
-def _list_stages(host: str, results: Iterable[stages.StageResult]) -> Iterator[CheckResult]:
+def _list_stages(host: str, results: Iterable[StageResult]) -> Iterator[CheckResult]:
     for stage, problem in results:
         yield CheckResult(f"{host}: {stage}", FAILED if problem else OK, tuple(problem.splitlines()))

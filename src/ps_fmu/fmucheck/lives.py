@@ -1,4 +1,4 @@
-"""Two lives of an FMU: in FMPy, and in a host written in C whose environment is PATH and HOME.
+"""The life of an FMU in a host written in C whose environment is PATH and HOME, beside that in FMPy.
 
 Each finds faults that the other cannot.  The C host finds FMUs that rely on libraries of a Python host, change settings
 of the host, cannot be unloaded, have other start values than the model description states, or cannot move their state
@@ -12,17 +12,14 @@ import math
 import os
 import re
 import shutil
-import sys
 import tempfile
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from platform import machine
 
 from ..cosim.archive import extract
-from . import life_cycle
-from .host.compile import HOST
+from ..native import find_compiled, find_platform, list_platforms
+from ..slavekit.pack.stages import StageResult, watch_stages
 from .reading import Description, Variable, parse_number
-from .stages import StageResult, watch_stages
 
 PYTHON_VARIABLE = "PS_FMU_PYTHON"
 """The environment variable that names a Python to our launcher."""
@@ -30,26 +27,16 @@ _DEFAULT_STEP = 1e-2  # s
 _REFERENCE = re.compile(r"[0-9]{1,10}")
 
 
-def live_in_fmpy(fmu: Path) -> list[StageResult]:
-    """The stages of the life in FMPy, see :mod:`.life_cycle`; the first failure is the last stage."""
-    with tempfile.TemporaryDirectory(prefix="fmu_life_") as folder:
-        report = Path(folder, "report")
-        command = [sys.executable, "-I", "-B", life_cycle.__file__, str(fmu.resolve()), folder, str(report)]
-        return watch_stages(command, report)
-
-
-def find_c_host(platform: str) -> Path | None:
-    """The C host for this machine and a platform of FMI; None if it was not compiled for them.
+def find_c_host() -> Path | None:
+    """The C host for this machine; None if it was not compiled for it.
 
     Raises OSError if it is damaged or missing.
     """
-    return HOST.find_whole(platform) if machine().lower() in ("x86_64", "amd64") else None
+    return find_compiled("host") if find_platform() in list_platforms("host") else None
 
 
-def live_in_c_host(
-    host: Path, fmu: Path, description: Description, platform: str, **environment: str
-) -> list[StageResult]:
-    """The stages of the life in the C host, see ``host/host.c``; it ends at the first that no other can follow.
+def live_in_c_host(host: Path, fmu: Path, description: Description, **environment: str) -> list[StageResult]:
+    """The stages of the life in the C host, see ``native/host/host.c``; it ends at the first that no other can follow.
 
     ``environment``: variables besides PATH and HOME.  Raises OSError if the host cannot be started, SystemFileError if
     the FMU cannot be unpacked.
@@ -59,7 +46,7 @@ def live_in_c_host(
         folder = Path(temporary)
         extract(fmu, folder / "fmu")
         task, report, program = folder / "task", folder / "report", folder / "host"
-        task.write_text("\n".join(_write_task(folder / "fmu", description, platform)) + "\n", encoding="utf-8")
+        task.write_text("\n".join(_write_task(folder / "fmu", description)) + "\n", encoding="utf-8")
         shutil.copyfile(host, program)  # an installed file need not be executable
         program.chmod(0o700)
         return watch_stages([str(program), str(task), str(report)], report, kept | environment)
@@ -70,7 +57,7 @@ def has_launcher(members: Iterable[str]) -> bool:
     return "resources/launcher.txt" in members
 
 
-def _write_task(folder: Path, description: Description, platform: str) -> Iterator[str]:
+def _write_task(folder: Path, description: Description) -> Iterator[str]:
     """The lines of ``host/task.h`` for an unpacked FMU; without variables whose numbers cannot be used."""
     interface = description.root.find("CoSimulation")
     if interface is None:
@@ -78,7 +65,7 @@ def _write_task(folder: Path, description: Description, platform: str) -> Iterat
     given = interface.attributes
     (folder / "resources").mkdir(exist_ok=True)
     resources = (folder / "resources").as_uri().removeprefix("file://")
-    yield f"library {folder / 'binaries' / platform / given.get('modelIdentifier', '')}.so"
+    yield f"library {folder / 'binaries' / find_platform() / given.get('modelIdentifier', '')}.so"
     yield f"guid {_join_lines(description.root.attributes.get('guid', ''))}"
     yield f"resources {resources}"
     yield f"start {_read_setting(description, 'startTime', 0.0)!r}"

@@ -16,7 +16,8 @@ from the mean accelerations of that step the mechanism makes the same step, and 
 momentum at the end of the next one.  The reaction for that next step is what leads from the impulse promised so far to
 that momentum.  So the impulses given to the bus are those that the mechanism has taken, never more than one step's
 change apart: no momentum is lost or made, and no force is late.  The impulse promised so far takes the places of the
-base's translation and velocity in the state, which have no use here; :mod:`..theory.exchange` has the limits.
+base's translation and velocity in the state, which have no use here; ``tests/mechanism/test_exchange.py`` has the
+limits of mass and step.
 """
 
 from __future__ import annotations

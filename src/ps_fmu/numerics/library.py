@@ -1,6 +1,6 @@
 """The compiled library of this package, for C functions that let go of Python's lock.
 
-Sources are the C files beside this module; ``make launcher`` compiles them.
+Its sources are in ``native/numerics``; ``make launcher`` compiles them.
 """
 
 from __future__ import annotations
@@ -9,12 +9,11 @@ import ctypes
 from contextlib import suppress
 from ctypes import CFUNCTYPE, POINTER, Structure, c_char_p, c_double, c_int64, c_uint32, c_void_p
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compiled_files import NotCompiledError, load
+from ..native import NotCompiledError, load
 
 PART = 64
 """Angles that ``add_turning`` and ``add_wheel`` work on together: their room is (multiples and products, 2, PART)."""
@@ -111,7 +110,7 @@ class Arithmetic(Structure):
 @cache
 def find_library() -> ctypes.CDLL:
     """The library.  Raises NotCompiledError."""
-    library = load(Path(__file__).with_name("numerics.json"))
+    library = load("numerics")
     library.numerics_find.argtypes, library.numerics_find.restype = (c_char_p,), POINTER(Arithmetic)
     return library
 

@@ -8,14 +8,13 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from ..compiled_files import load
-from .native import REDUCTION
+from ..native import load
 
 
 @cache
 def find_library() -> CDLL:
     """The library.  Raises NotCompiledError."""
-    library = load(REDUCTION.record)
+    library = load("reduction")
     library.filter_rows.argtypes, library.filter_rows.restype = (c_void_p, c_void_p, c_int64, c_void_p), None
     library.thin_rows.argtypes, library.thin_rows.restype = (c_void_p, c_void_p, c_int64, c_void_p), c_int64
     types = c_void_p, c_int64, c_double, c_void_p, c_void_p, c_void_p

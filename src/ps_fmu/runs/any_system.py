@@ -14,17 +14,16 @@ from fmpy.model_description import ModelDescription
 from ..cosim.clock import count_steps
 from ..cosim.description import read_descriptions
 from ..cosim.errors import UsageError
-from ..cosim.faults.acted import ActedFault
+from ..cosim.faults.binding import ActedFault
 from ..cosim.faults.reading import read_faults
 from ..cosim.master import Master
 from ..cosim.recording.recorder import Recorder
-from ..cosim.recording.selection import matches
+from ..cosim.recording.thinner import matches
 from ..cosim.rows import Array
 from ..cosim.schemes.resolving import resolve_scheme
 from ..cosim.schemes.scheme import make_scheme
 from ..cosim.signals import Signal, read_signals
-from ..cosim.ssp.reading import read_parameters
-from ..cosim.ssp.single import complete_experiment, fit_duration, read_any_system
+from ..cosim.ssp.reading import complete_experiment, fit_duration, read_any_system, read_parameters
 from ..cosim.structure import PortName, System, split_port
 from ..reduction.columns import NETCDF_LOCK
 from ..results.quick_plot import Line, draw_quick_plot
@@ -213,7 +212,6 @@ def _record(
             duration,
             [recorder] if costs is None else costs.time([recorder]),
             progress=lambda t, wall, factor: show(t - start, wall, factor),
-            beside=True,
             checkpoints=keeper.checkpoints,
         )
 

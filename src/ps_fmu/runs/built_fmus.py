@@ -15,10 +15,8 @@ from ..product.files import find_product
 
 # Parts of the package that are packed into an FMU, and the builder itself.
 _PACKED = (
-    *(
-        f"src/ps_fmu/{room}"
-        for room in ("mechanism", "control", "disturbance", "sensors", "actuators", "interface", "numerics", "slavekit")
-    ),
+    *(f"src/ps_fmu/{room}" for room in ("mechanism", "control", "disturbance", "sensors", "actuators", "interface")),
+    *(f"src/ps_fmu/{room}" for room in ("numerics", "native", "slavekit")),
     "fmus",
 )
 _CACHE_HINT = "Set XDG_CACHE_HOME to a folder for the FMUs that are built."
@@ -32,7 +30,7 @@ def list_models(root: Path) -> list[str]:
 def find_newest_source(root: Path) -> float:
     """Time of the last change [s since the epoch] among the sources of the FMUs in the checkout ``root``."""
     files = [path for part in _PACKED for path in (root / part).rglob("*") if "__pycache__" not in path.parts]
-    files += [root / "src" / "ps_fmu" / name for name in ("__init__.py", "compiled_files.py")]
+    files.append(root / "src" / "ps_fmu" / "__init__.py")
     return max((path.stat().st_mtime for path in files if path.is_file()), default=0.0)
 
 

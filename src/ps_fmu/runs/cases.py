@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cosim import Column, CosimError, Event, Master, Observer, Recorder, Value
-from ..cosim.faults.acted import ActedFault
+from ..cosim.description import read_terminal_variables
+from ..cosim.faults.binding import ActedFault
 from ..cosim.recording.thinner import MemoryRecorder
-from ..cosim.terminals import read_terminal_variables
 from .fault_report import find_spans
 from .index_record import SIGNALS
 from .keeping import CaseKeeper, leave_no_empty_file
@@ -159,7 +159,6 @@ def run_case(
     with (
         leave_no_empty_file(options.output / RESULTS),
         system.warnings.collect(),
-        system.results.close_on_failure(),
         make(structure) if system.loaded is None else system.loaded.open(structure, make) as master,
     ):
         start_s = master.time
@@ -188,7 +187,7 @@ def run_case(
             observers: list[Observer] = [Bounds(master.columns), recorder, *judging]
             watched = observers if costs is None else costs.time(observers)
             events = keeper.shift_events(case.events)
-            master.run(duration, watched, events, note, beside=True, checkpoints=keeper.checkpoints)
+            master.run(duration, watched, events, note, checkpoints=keeper.checkpoints)
         acted = master.faults.list_acted(master.time)
         return Outcome(case, duration, before_s + wall[0], acted, keeper.start_time or 0.0), analysis
 
@@ -229,7 +228,6 @@ def _make_recorder(
         select=select,
         attributes=attributes,
         append=True,
-        file=system.results.find(path),
         rows=round(duration_s / master.step) + 1,
     )
 

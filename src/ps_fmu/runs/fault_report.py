@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
-from ..cosim.faults.acted import ActedFault
+from ..cosim.faults.binding import ActedFault
 from ..results.tables import Table
 
 Acted = Mapping[str, Sequence[ActedFault]]

@@ -1,4 +1,4 @@
-"""The end of results.nc: the indices of all runs as tables in its root, and the rows compressed.
+"""The end of results.nc: its rows are compressed.
 
 It is written beside the old one and takes its place in one go, so whoever interrupts it loses nothing: the rows are as
 the recorder left them.  While a run goes on they are not compressed, see :mod:`ps_fmu.cosim.recording.recorder`.
@@ -16,32 +16,23 @@ from numpy.typing import NDArray
 
 from ..cosim.recording.columns_on_disk import iterate_blocks, read_chunk_rows, read_rows, write_rows
 from ..reduction.columns import NETCDF_LOCK
-from .index_record import CONFIDENCE, PROBABILITIES, VECTORS, CaseIndices, IndexLog
-from .origin import write_texts
-from .results_file import ResultsFile
-
-Array = NDArray[np.float64]
 
 LEVEL = 1  # of zlib, with shuffled bytes: 4 takes a sixth longer, for files 0.3 % smaller
 WORTH = 0.6  # compressed over plain size up to which it is done
 _SAMPLE_ROWS = 1000
 _BLOCK_ROWS = 160_000
-_SYMBOLS = ("APE", "MPE", "RPE", "PDE")
-_LABELS = {"axis": ("x", "y", "z"), "axis_xy": ("x", "y")}
 
 
-def finish_file(path: Path, indices: IndexLog, results: ResultsFile | None = None) -> None:
-    """Add the tables of the indices to a results.nc and compress it, if there is one.
+def finish_file(path: Path) -> None:
+    """Compress a results.nc, if there is one.
 
     Columns are compressed where that halves them, or nearly so: those that are constant or slow, half of the default
-    system's.  What is left is noise, which would shrink by a fifth and take four times as long.  ``results`` may
-    have it open, and is closed if all goes well.
+    system's.  What is left is noise, which would shrink by a fifth and take four times as long.
 
     Raises OSError if it cannot be written; the file is there then, as the runs left it.
     """
     import netCDF4
 
-    results = results or ResultsFile()
     if not path.is_file():
         return
     size, free = path.stat().st_size, shutil.disk_usage(path.parent).free
@@ -50,10 +41,8 @@ def finish_file(path: Path, indices: IndexLog, results: ResultsFile | None = Non
     beside = path.with_name(f".{path.name}.part")
     try:
         beside.unlink(missing_ok=True)
-        with NETCDF_LOCK, results.read(path) as old, netCDF4.Dataset(beside, "w", format="NETCDF4") as new:
+        with NETCDF_LOCK, netCDF4.Dataset(path) as old, netCDF4.Dataset(beside, "w", format="NETCDF4") as new:
             _copy_group(old, new)
-            _write_tables(new, indices)
-        results.close()
         beside.replace(path)
     except RuntimeError as error:  # of HDF5
         raise OSError(f"{path}: stays as it is, and cannot be compressed: {error}") from error
@@ -116,50 +105,3 @@ def _compress(values: NDArray[Any]) -> float:
     """Compressed over plain size."""
     shuffled = np.ascontiguousarray(values.view(np.uint8).reshape(-1, values.itemsize).T)
     return len(zlib.compress(shuffled.tobytes(), LEVEL)) / shuffled.size
-
-
-def _write_tables(file: Any, indices: IndexLog) -> None:
-    """Bias, RMS, peak, quantiles and their bounds, by run, index and axis; NaN: the run is too short for the index."""
-    cases = list(indices)
-    if not cases:
-        return
-    write_texts(file, "case", cases, "run: the group with its rows")
-    write_texts(file, "index", list(_SYMBOLS), "pointing error index of ECSS-E-ST-60-10C")
-    file.createDimension("probability", len(PROBABILITIES))
-    probability = file.createVariable("probability", "f8", ("probability",))
-    probability.setncatts({"long_name": "share of the time", "units": "1"})
-    probability[:] = PROBABILITIES
-    for dimension, labels in _LABELS.items():
-        write_texts(file, dimension, list(labels), "axis")
-    for vector, (dimension, names) in VECTORS.items():
-        found = [indices.of(case) for case in cases]
-        if all(name in found[0].names for name in names):
-            _write_vector(file, vector, dimension, names, found)
-
-
-def _write_vector(file: Any, vector: str, dimension: str, names: tuple[str, ...], found: list[CaseIndices]) -> None:
-    places = [found[0].names.index(name) for name in names]
-    unit = found[0].units[places[0]]
-    shape = (len(found), len(_SYMBOLS), len(names))
-    plain: dict[str, Array] = {name: np.full(shape, np.nan) for name in ("bias", "rms", "peak")}
-    stated: dict[str, Array] = {name: np.full((*shape, len(PROBABILITIES)), np.nan) for name in ("value", "bound")}
-    for row, indices in enumerate(found):
-        for column, symbol in enumerate(_SYMBOLS):
-            if (one := indices.of(symbol)) is None:
-                continue
-            for name in plain:
-                plain[name][row, column] = getattr(one, name)[places]
-            for name in stated:
-                stated[name][row, column] = [[getattr(each, name) for each in one.quantiles[k]] for k in places]
-    about = {
-        "bias": "mean",
-        "rms": "root of the mean square",
-        "peak": "largest magnitude",
-        "value": "quantile of the magnitude over the time of the run",
-        "bound": f"what the quantile stays below with {100.0 * CONFIDENCE:g} % confidence; infinite: run too short",
-    }
-    for name, values in {**plain, **stated}.items():
-        dimensions = ("case", "index", dimension, *(["probability"] if name in stated else []))
-        written = file.createVariable(f"{vector}_{'quantile' if name == 'value' else name}", "f8", dimensions)
-        written.setncatts({"long_name": f"{names[0].rpartition('.')[0]}: {about[name]}", "units": unit})
-        written[:] = values

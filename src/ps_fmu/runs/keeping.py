@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..cosim import Event, Observer
 from ..cosim.checkpoint.checkpoints import Checkpoints
-from ..cosim.checkpoint.folder import CheckpointFolder
+from ..cosim.checkpoint.files import CheckpointFolder
 from ..cosim.checkpoint.state import CheckpointError
 from ..cosim.checkpoint.warm_start import WarmStart
 from .kept_options import check_options, note_complete, write_run

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -65,8 +64,8 @@ class KeptRows:
     def __iter__(self) -> Iterator[str]:
         return iter(self._runs)
 
-    def write(self, path: Path, file: Any) -> None:
-        """Write all runs into a results.nc that is there, and open as ``file``.
+    def write(self, path: Path) -> None:
+        """Write all runs into a results.nc that is there.
 
         Raises :class:`..cosim.errors.RecorderError`.
         """
@@ -74,7 +73,7 @@ class KeptRows:
             names = [column.name for column in kept.rows.columns]
             with Recorder(
                 path, run, columns=kept.columns, step=kept.step_s, storage_step=kept.storage_step_s, select=names,
-                attributes=kept.attributes, append=True, file=file,
+                attributes=kept.attributes, append=True,
                 rows=len(kept.rows.time) * round(kept.storage_step_s / kept.step_s),
             ) as recorder:  # fmt: skip
                 recorder.store(kept.rows.time, kept.rows.values)

@@ -1,58 +1,57 @@
 """Where a run comes from, written into results.nc before its first row: the file stands alone, whatever ends the run.
 
 The root has the attributes of the CF Conventions (section 2.6.2), the options, and tables of FMUs, parameter files and
-packages; the group ``parameters`` the start value of every parameter of every FMU, with its unit and where it was set.
+packages; the group ``parameters`` is a table of the start values of all parameters of all FMUs.
 """
 
 from __future__ import annotations
 
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from fmpy.model_description import ModelVariable
 
 from ..cosim.description import convert_value, get_unit, index_variables, read_start
-from ..cosim.recording.recorder import CONVENTIONS, STORAGE, UDUNITS
+from ..cosim.recording.recorder import CONVENTIONS
 from ..cosim.schemes.scheme import Scheme, make_scheme
 from ..cosim.structure import Component, Value, parse_port
 from ..reduction.columns import NETCDF_LOCK
 from ..results.summary import FmuFile, versions
 from .options import SOURCE, RunOptions
 from .setup import SEED, RunSystem, identify_fmus
-from .stored_names import make_stored_names
 
 PARAMETERS = "parameters"
 """Name of the group of start values."""
+START_VALUES = {
+    "parameter": "component.parameter",
+    "value": "start value, to the last bit",
+    "unit": "of the value; 1: none",
+    "set_by": "file and line that set it; empty: the FMU",
+    "value_in_fmu": "what the FMU has, where that differs",
+}
+"""Columns of the table of start values, all of texts, and what they are."""
 REFERENCES = "H. Zhang et al., Appl. Sci. 2023, 13(4), 2188, https://doi.org/10.3390/app13042188"
 COMMENT = (
     "Each group with a coordinate time holds the rows of a run, for example xarray.open_dataset(path, group='active'); "
     "its group filter says how they were filtered before they were thinned, its attribute settings what the run sets "
-    "itself. The group parameters has the start values, a group for each FMU. The date of time is nominal: its values "
-    "are seconds of simulation, which a run from a checkpoint counts on (attribute warm_start_s). Once all runs are "
-    "done, the root has tables of their pointing error indices."
+    "itself. The group parameters is a table of the start values. The date of time is nominal: its values are seconds "
+    "of simulation, which a run from a checkpoint counts on (attribute warm_start_s)."
 )
 
 
 def write_origin(path: Path, options: RunOptions, system: RunSystem) -> None:
-    """Make a results.nc without runs, which ``system`` keeps open.  Raises OSError if it cannot be written."""
+    """Make a results.nc without runs.  Raises OSError if it cannot be written."""
     import netCDF4
 
     path.parent.mkdir(parents=True, exist_ok=True)
     path.unlink(missing_ok=True)  # whoever still reads an older result keeps it
     try:
-        with NETCDF_LOCK:
-            file = netCDF4.Dataset(path, "w", format="NETCDF4")
-            system.results.keep(path, file)
+        with NETCDF_LOCK, netCDF4.Dataset(path, "w", format="NETCDF4") as file:
             _write(file, options, system)
-            file.sync()
     except BaseException as error:
-        with suppress(OSError, RuntimeError):
-            system.results.close()
         path.unlink(missing_ok=True)  # nobody is to take half of it for results
         if isinstance(error, RuntimeError):  # of HDF5
             raise OSError(f"{path}: cannot be written: {error}") from error
@@ -62,28 +61,23 @@ def write_origin(path: Path, options: RunOptions, system: RunSystem) -> None:
 def _write(file: Any, options: RunOptions, system: RunSystem) -> None:
     file.setncatts(list_attributes(options, system))
     components, fmus = system.structure.components, identify_fmus(system)
-    write_texts(file, "component", [component.name for component in components], "name in the system")
-    write_texts(file, "fmu", [fmu.name for fmu in fmus], "FMU", "component")
-    write_texts(file, "fmu_sha256", [fmu.sha256 for fmu in fmus], "SHA-256 of the FMU", "component")
+    _write_texts(file, "component", [component.name for component in components], "name in the system")
+    _write_texts(file, "fmu", [fmu.name for fmu in fmus], "FMU", "component")
+    _write_texts(file, "fmu_sha256", [fmu.sha256 for fmu in fmus], "SHA-256 of the FMU", "component")
     if options.parameters:
         files = [FmuFile.of(one) for one in options.parameters]
-        write_texts(file, "parameter_file", [one.name for one in options.parameters], "later ones win")
-        write_texts(
+        _write_texts(file, "parameter_file", [one.name for one in options.parameters], "later ones win")
+        _write_texts(
             file, "parameter_file_sha256", [one.sha256 for one in files], "SHA-256 of the file", "parameter_file"
         )
     packages = versions()
-    write_texts(file, "package", list(packages), "software that the results depend on")
-    write_texts(file, "package_version", list(packages.values()), "version", "package")
-    values: list[tuple[Any, Value]] = []
-    groups = make_stored_names([component.name for component in components])
-    for component in components:
-        variables = index_variables(system.descriptions[component.name])
-        names = make_stored_names(list(variables), taken=())
-        group = file.createGroup(PARAMETERS).createGroup(groups[component.name])
-        for variable, value, place in _list_start_values(component, variables):
-            values.append((_define_start_value(group, names[variable.name], variable, value, place), value))
-    for stored, value in values:  # once all are defined: HDF5 flushes all there is at a value after a definition
-        stored[...] = np.array(value, dtype=object) if stored.dtype is str else value
+    _write_texts(file, "package", list(packages), "software that the results depend on")
+    _write_texts(file, "package_version", list(packages.values()), "version", "package")
+    rows = [row for component in components for row in _list_start_values(component, system)]
+    table, dimension = file.createGroup(PARAMETERS), ""
+    for place, (name, about) in enumerate(START_VALUES.items()):
+        _write_texts(table, name, [row[place] for row in rows], about, dimension)
+        dimension = dimension or name
 
 
 def list_attributes(options: RunOptions, system: RunSystem) -> dict[str, object]:
@@ -157,36 +151,21 @@ def _format(value: Value) -> str:
     return str(value).lower() if isinstance(value, bool | np.bool_) else str(value)
 
 
-def _list_start_values(
-    component: Component, variables: Mapping[str, ModelVariable]
-) -> Iterator[tuple[ModelVariable, Value, str]]:
-    """Parameters of an FMU, and inputs that are given a value: variable, value, place where that was set, if any."""
-    for name, variable in variables.items():
+def _list_start_values(component: Component, system: RunSystem) -> Iterator[tuple[str, ...]]:
+    """Rows of :data:`START_VALUES`: parameters of an FMU, and inputs that are given a value."""
+    for name, variable in index_variables(system.descriptions[component.name]).items():
         entry = component.parameters.get(name)
-        if entry is not None:
-            yield variable, convert_value(variable, entry.value), Path(entry.origin).name
-        elif variable.causality == "parameter" and variable.start is not None:
-            yield variable, read_start(variable), ""
+        if entry is None and (variable.causality != "parameter" or variable.start is None):
+            continue
+        default = None if variable.start is None else read_start(variable)
+        value = default if entry is None else convert_value(variable, entry.value)
+        assert value is not None
+        own = "" if default is None or value == default else _format(default)
+        place = "" if entry is None else Path(entry.origin).name
+        yield f"{component.name}.{name}", _format(value), get_unit(variable) or "1", place, own
 
 
-def _define_start_value(group: Any, name: str, variable: ModelVariable, value: Value, place: str) -> Any:
-    """The variable of netCDF, with its attributes, that takes the value."""
-    kind: Any = str if variable.type == "String" else STORAGE[variable.type][0]
-    stored = group.createVariable(name, kind, ())
-    unit = get_unit(variable) or "1"
-    attributes = {"long_name": variable.description or variable.name, **({"set_by": place} if place else {})}
-    if variable.type == "Boolean":
-        attributes |= {"flag_values": np.array([0, 1], dtype=np.int8), "flag_meanings": "false true"}
-    elif variable.type != "String":
-        # UDUNITS, and so CF, has no roots and no decibels.
-        attributes["unit_text" if "sqrt(" in unit or unit == "dB" else "units"] = UDUNITS.get(unit, unit)
-    if variable.start is not None and value != (default := read_start(variable)):
-        attributes["value_in_fmu"] = _format(default)
-    stored.setncatts(attributes)
-    return stored
-
-
-def write_texts(file: Any, name: str, texts: Sequence[str], about: str, dimension: str = "") -> None:
+def _write_texts(file: Any, name: str, texts: Sequence[str], about: str, dimension: str = "") -> None:
     """Write a variable of texts along a dimension; without the name of one it makes its own, and labels that."""
     if not dimension:
         file.createDimension(name, len(texts))

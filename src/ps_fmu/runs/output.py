@@ -92,7 +92,7 @@ def _check_own(path: Path) -> None:
 def _is_own(path: Path) -> bool:
     name = path.name.removesuffix(".earlier")
     if name == CHECKPOINTS:
-        marks = (path / RUN, *path.glob("*/row-*.zip"))
+        marks = (path / RUN, *path.glob("*/row-*.msgpack"))
         return path.is_dir() and (any(mark.is_file() for mark in marks) or not any(path.iterdir()))
     if not path.is_file():
         return False

@@ -6,9 +6,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from ..requirements.verdict import Answer, format_verdicts, list_remarks, summarise
-from ..requirements.verdict import Verdict as Judgement
-from ..results.page.content import Exploration, Verdict
+from ..requirements.verdict import Answer, Verdict, format_verdicts, list_remarks, summarise
+from ..results.figures import draw_exploration
+from ..results.page.content import Exploration, VerdictRow
 from ..results.report import Picture, Report
 from ..results.summary import RunSummary, versions
 from ..results.tables import Table
@@ -42,9 +42,9 @@ class Findings:
     rms_active_rad: Sequence[float] | None = None
     rejection_percent: Sequence[float] | None = None
     more: Mapping[str, object] = field(default_factory=dict)
-    verdicts: Sequence[Verdict] = ()  # on the scenario's own requirements; one that cannot be said is no failure
-    draw: Callable[[Path], Sequence[Picture]] = lambda _folder: ()  # draws figures as PNG files into a folder
-    explore: Callable[[Path], Exploration] = lambda _path: Exploration()  # charts and motion, from results.nc, too
+    verdicts: Sequence[VerdictRow] = ()  # on the scenario's own requirements; one that cannot be said is no failure
+    draw: Callable[[Path], Sequence[Picture]] = lambda _folder: ()  # draws what is no chart into a folder
+    explore: Callable[[Path], Exploration] = lambda _path: Exploration()  # charts, their PNG files, motion
     refused: str = ""  # targets that are out of reach
 
     @property
@@ -59,14 +59,12 @@ def publish(options: RunOptions, system: RunSystem, findings: Findings) -> str:
     Returns what the terminal shows of it: verdicts, faults, costs, how fast it went and where the results are.  Raises
     ``OSError`` if they cannot be written.
     """
-    pictures = findings.draw(options.output) if options.figures else ()
     explored = findings.explore(options.output / RESULTS)
+    pictures = [*draw_exploration(explored, options.output), *findings.draw(options.output)] if options.figures else []
     try:
-        finish_file(options.output / RESULTS, system.indices, system.results)
+        finish_file(options.output / RESULTS)
     except OSError as error:  # the rows are there; nothing else is to be lost
         system.warnings.add(str(error))
-    finally:
-        system.results.close()
     verdicts = system.judge.conclude()
     make_summary(options, system, findings).write(options.output / SUMMARY)
     faults = _tabulate_faults(options, findings)
@@ -137,11 +135,11 @@ def _tabulate_faults(options: RunOptions, findings: Findings) -> list[Table]:
     return [] if options.faults is None else [tabulate_faults(acted)]
 
 
-def show_verdict(found: Judgement) -> Verdict:
+def show_verdict(found: Verdict) -> VerdictRow:
     """A verdict as a row of the report."""
     name, _, signal, case, value, bound, limit, margin = found.as_row()
     sure = found.requirement.confidence
-    return Verdict(
+    return VerdictRow(
         requirement=f"{name}: {found.requirement.about}, {signal}, {case}",
         value=value,
         limit=limit,

@@ -9,8 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..disturbance.csv_table import MAX_ROWS, read_columns
-from ..disturbance.kinds.recording import HEADER
+from ..disturbance.recording import HEADER, MAX_ROWS, read_columns
 from ..mechanism.quantities import Array, ParameterError
 from ..reduction.columns import NETCDF_LOCK
 from ..slavekit.author.units import parse_unit

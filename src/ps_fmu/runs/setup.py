@@ -12,7 +12,7 @@ from ..cosim.clock import StepClock
 from ..cosim.description import convert_value, find_variable, get_unit, index_variables, read_descriptions, read_start
 from ..cosim.faults.active import make_faults
 from ..cosim.faults.reading import FaultFile, read_faults
-from ..cosim.recording.selection import select_names
+from ..cosim.recording.thinner import select_names
 from ..cosim.rows import Column, make_layout
 from ..cosim.schemes.scheme import make_scheme
 from ..cosim.signals import Signal
@@ -24,7 +24,6 @@ from .judge import RunJudge, read_judge
 from .kept_rows import KeptRows
 from .loaded import LoadedSystem
 from .options import PARAMETERS, OptionError, RunOptions
-from .results_file import ResultsFile
 from .warning_log import WarningLog
 
 SEED = "disturbance.seed"
@@ -52,8 +51,6 @@ class RunSystem:
     """The requirements, and what is needed for their verdicts."""
     indices: IndexLog = field(default_factory=IndexLog)
     """The pointing error indices of the runs."""
-    results: ResultsFile = field(default_factory=ResultsFile)
-    """results.nc, open between the runs."""
     costs: CostLog = field(default_factory=CostLog)
     """Where the time of the runs goes, if the options ask for it."""
     faults: FaultFile | None = None

@@ -6,7 +6,6 @@ import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
@@ -14,8 +13,6 @@ from numpy.typing import NDArray
 
 from ..cosim import UsageError, Value
 from ..pointing.rejection import rejection_percent
-from ..results import plots
-from ..results.report import Picture
 from ..results.tables import Table, format_angles, format_number
 from ..runs.cases import Case, Outcome, run_case
 from ..runs.index_record import PROBABILITIES, WINDOW_S, IndexLog
@@ -244,38 +241,3 @@ def make_index_table(comparison: Comparison, indices: IndexLog) -> Table:
         f"; relative to the mean over {WINDOW_S:g} s (RPE), that mean (MPE), and its change to the next window (PDE)"
     )  # fmt: skip
     return Table(f"ECSS-E-ST-60-10C indices: absolute (APE){windows}. Confidence: summary.json", INDEX_HEADER, rows)
-
-
-def draw_comparison(comparison: Comparison, folder: Path, prefix: str = "") -> list[Picture]:
-    """Draw histories, spectra and image points of an orientation; the pictures, with captions."""
-    passive, active = comparison.passive, comparison.active
-    where = "roll, pitch, yaw = {:g}, {:g}, {:g} deg".format(*comparison.orientation_deg)
-    pictures = []
-    path = folder / f"{prefix}jitter.png"
-    shaded = comparison.outcomes[1].find_spans()
-    plots.draw_time_histories(
-        path, passive.envelope, active.envelope, title=f"Payload rotation, {where}", shaded=shaded
-    )
-    caption = "Rotation of the payload by vibration, axes of P, passive and active."
-    pictures.append(Picture(path, caption + (" Shaded: a fault acts." if shaded else "")))
-    if passive.spectrum is not None and active.spectrum is not None:
-        path = folder / f"{prefix}spectra.png"
-        names = passive.statistics.names
-        frequency = passive.spectrum[0]
-        plots.draw_spectra(
-            path, frequency, passive.spectrum[1], active.spectrum[1], names, "rad", title=f"Payload rotation, {where}"
-        )
-        pictures.append(Picture(path, caption_spectra(frequency, "hundredths of a decade")))
-    path = folder / f"{prefix}image_point.png"
-    plots.draw_image_point(path, passive.scatter, active.scatter, title=f"Image point, {where}")
-    pictures.append(Picture(path, "Image point of the boresight with its convex hull, passive and active."))
-    return pictures
-
-
-def caption_spectra(frequency: Array, averaged: str) -> str:
-    """What a report says of densities and cumulative RMS over ``frequency`` (n,), Hz."""
-    return (
-        f"Power spectral density (Welch, segments of {1.0 / frequency[1]:.3g} s, averaged over {averaged}), and the "
-        "RMS of all that lies below a frequency. Each segment's mean is taken out: what is slower than a segment is "
-        "missing, so the curves end below the RMS of the table, the more so the shorter the run."
-    )

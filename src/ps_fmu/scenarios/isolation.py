@@ -12,14 +12,13 @@ from .comparison import (
     HEADER,
     compare,
     describe_alone,
-    draw_comparison,
     explain_refusal,
     make_index_table,
     make_rows,
     read_target,
     run_cases,
 )
-from .exploration import explore_comparison
+from .exploration import explore_comparisons
 
 
 def list_cases() -> tuple[str, ...]:
@@ -55,7 +54,6 @@ def find(run: Run) -> Findings:
         rms_active_rad=found.rms_active.tolist(),
         rejection_percent=found.rejection.tolist(),
         more=found.entry,
-        draw=partial(draw_comparison, found),
-        explore=partial(explore_comparison, found, system),
+        explore=partial(explore_comparisons, {"": found}, system),
         refused=refused,
     )

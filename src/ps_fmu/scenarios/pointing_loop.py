@@ -22,8 +22,7 @@ from ..mechanism.quantities import Array, take_values
 from ..pointing.response import Response
 from ..runs.setup import RunSystem
 from ..sensors.line_of_sight import DEFAULT_TRACKER, Tracker
-from ..theory.line_of_sight import PointingLoop, Timing
-from ..theory.line_of_sight_design import AXES, AxisMargins, margins_of
+from ..theory.line_of_sight import AXES, AxisMargins, PointingLoop, Timing, margins_of
 from ..theory.loop import loop_of
 from .shaking import Shaking, measure_response
 

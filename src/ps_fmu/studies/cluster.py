@@ -18,8 +18,17 @@ from ..child_processes import ONE_THREAD
 from ..terminal import block_interrupts, hold_interrupts, reason
 from .bundle import Bundle
 from .plan import Plan
-from .rows import DONE, KILLED, ClusterError, RowStore, StartError, VersionError, write_durably
-from .signals import FOLDER, name_file
+from .rows import (
+    DONE,
+    KILLED,
+    SIGNALS,
+    ClusterError,
+    RowStore,
+    StartError,
+    VersionError,
+    name_file,
+    write_durably,
+)
 from .worker import Done, keep, run_batch
 
 BATCH_S = 10.0
@@ -280,7 +289,7 @@ class Dispatcher:
 
     def _keep(self, done: Done, report: Callable[[int, int], None]) -> None:
         for case, content in done.signals.items():  # before the row, which says that a case is done
-            write_durably(self._output / FOLDER / name_file(case), content)
+            write_durably(self._output / SIGNALS / name_file(case), content)
         self._store.add(done.rows)
         self._finished += len(done.rows)
         self._spent_s += sum(row.get("wall_s", 0.0) for row in done.rows)

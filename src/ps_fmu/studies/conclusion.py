@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+import msgspec
 import numpy as np
 
 from ..pointing.confidence import Statement
@@ -22,11 +23,11 @@ from ..results.tables import Table
 from ..slavekit.pack.files import write_atomically
 from .factors import Factor
 from .figures import draw_all
-from .loading import list_columns
 from .outcome import (
     CONFIDENCE,
     PROBABILITIES,
     Compliance,
+    Influence,
     Outcome,
     Output,
     Percentiles,
@@ -34,12 +35,12 @@ from .outcome import (
     count_statuses,
     find_compliance,
     find_failed,
+    find_influences,
     find_percentiles,
     find_worst,
 )
-from .sensitivity import Influence, find_influences
-from .signals import FOLDER as SIGNALS
-from .signals import list_stored
+from .preparation import list_columns
+from .rows import SIGNALS, list_stored
 from .study import LATIN, SAMPLES, SOBOL
 from .sweep import Prepared, SweepOptions
 
@@ -285,7 +286,7 @@ def summarise(found: Conclusion, prepared: Prepared, options: SweepOptions) -> d
     names = [factor.name for factor in found.outcome.plan.factors]
     return {
         "study": found.outcome.plan.study.name,
-        "identity": asdict(prepared.identity),
+        "identity": msgspec.structs.asdict(prepared.identity),
         "statuses": count_statuses(found.outcome),
         "confidence": CONFIDENCE,
         "requirements": [

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from ..results.report import Picture
 from ..results.style import ACTIVE, PASSIVE, REFERENCE, draw, engineering, largest, pretty
-from .outcome import CONFIDENCE, PROBABILITIES, Outcome, Output, Percentiles
-from .sensitivity import Influence
+from .outcome import CONFIDENCE, PROBABILITIES, Influence, Outcome, Output, Percentiles
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

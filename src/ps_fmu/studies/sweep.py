@@ -26,20 +26,27 @@ from ..runs.output import hold_folder, lock_folder
 from ..runs.publish import show_verdict
 from ..runs.setup import RunSystem, identify_fmus
 from ..slavekit.pack.files import write_atomically
-from .bundle import Bundle, Task
+from .bundle import Bundle, Identity, Task, explain_difference, read_identity
 from .case_runner import describe_verdicts, make_records
 from .factors import names_faults, split_values
-from .indices import IndexRecord, SwitchRecord
-from .loading import choose_fmus, choose_step, list_columns, load_study_system, make_options
+from .observed import IndexRecord, SwitchRecord, check_size
 from .outcome import collect, find_worst
 from .plan import Plan, make_plan
-from .preparation import check_numbers, check_sources, complete_observed, keep_seeds, make_bundle, read_sources
-from .reading import read_study
-from .rows import DONE, MEASURED, Row, RowStore
-from .signals import FOLDER as SIGNALS
-from .signals import check_free, check_size, list_stored, list_unstored
-from .study import StudyError
-from .study_folder import Identity, explain_difference, read_identity
+from .preparation import (
+    check_numbers,
+    check_sources,
+    choose_fmus,
+    choose_step,
+    complete_observed,
+    keep_seeds,
+    list_columns,
+    load_study_system,
+    make_bundle,
+    make_options,
+    read_sources,
+)
+from .rows import DONE, MEASURED, SIGNALS, Row, RowStore, check_free, list_stored, list_unstored
+from .study import StudyError, read_study
 
 Count = Callable[[int, int], None]
 """Takes the number of cases of a batch, and how many of these are not done."""
@@ -51,7 +58,7 @@ def check_stored(plan: Plan, system: RunSystem) -> int:
     study, signals = plan.study, plan.study.signals
     if signals is None:
         return 0
-    rows = round(study.duration_s / (signals.step_s or study.step_s)) + 1
+    rows = round(study.duration_s / (signals.step or study.step_s)) + 1
     return check_size(signals, list_columns(plan.study, system), len(plan), len(study.runs), rows)
 
 
@@ -259,7 +266,7 @@ def rerun(options: SweepOptions, case: int) -> str:
     folder = options.output.absolute()
     identity = read_identity(folder)
     if identity is not None:
-        if difference := explain_difference(vars(identity), prepared.identity):
+        if difference := explain_difference(identity, prepared.identity):
             raise StudyError(f"--output: {folder} has another study: {difference}")
         stored = next(RowStore(folder, identity.plan_sha256).read(case), None)
         folder = folder / f"case-{case}"
@@ -294,7 +301,7 @@ def _run(options: SweepOptions, prepared: Prepared, case: int, folder: Path) -> 
     )  # fmt: skip
     (folder / RESULTS).unlink(missing_ok=True)
     system = prepared.system
-    task = Task(study.step_s, study.duration_s, study.scheme, study.runs, study.observed, {})
+    task = Task(step_s=study.step_s, duration_s=study.duration_s, scheme=study.scheme, runs={}, observed=study.observed)
     values = prepared.plan.values(case)
     starts, numbers = split_values(values, system.descriptions)
     if system.faults is not None:

@@ -7,9 +7,9 @@ The payload's rotation in inertial space, in axes of P (3), follows fine forces 
 with F the isolator from base displacement to force.  The tracker measures the error, the controller answers with the
 force f = K e, and all delays of the chain are one factor d(s)::
 
-    L = P K d        S = (E + L)^-1        theta = S G w_b + S P K_we n_a - S L n
+    L = P K d        S = (E + L)^-1        theta = S G w_b - S L n
 
-n is the noise of the tracker (rad), n_a that of the accelerometers (K_we: isolator).  The target enters as -n does.
+n is the noise of the tracker (rad).  The target enters as -n does.
 
 **Delays.**  The tracker samples each T and puts the value out after a latency tau, where it stays for T; the controller
 is exact for inputs that are held, and puts its force out after a delay; the plant holds a force for a communication
@@ -22,11 +22,23 @@ share H of the bus's rotation, and the loop the share T of what the isolator lea
 
     H = s^2 / (s^2 + 2 zeta w_s s + w_s^2)        T = k d / (1 + k d)
     H + (1 - H) T + (1 - H) (1 - T) = 1           third: what is left
+
+**As the FMUs step** (:func:`close_loop`), at each frequency, around a :class:`.sampled.SampledSystem`.  With theta the
+rotation that the tracker sees, f the controller's forces, w all that acts from outside and n the noise::
+
+    theta = G_w w + G_f f,    f = K (n - theta),    y = H_w w + H_f f
+    f = K S (n - G_w w),      S = (E + G_f K)^-1
+
+K has the controller as it steps, and what delays the loop.  y is linear in H, so that parts of H that add up to it, by
+mode for example, give parts of the loop's answer that add up to that.
+
+**Margins** are those of the loop cut open at one axis of P while the others stay closed.  The plant has a pure delay, a
+notch and nearly undamped modes, so python-control is given its frequency response, dense around the resonances.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -70,10 +82,6 @@ class PointingLoop:
     isolated: bool = True
     """The isolator is on."""
 
-    def with_control(self, control: PointingFilter) -> PointingLoop:
-        """The same plant with another controller."""
-        return replace(self, control=control)
-
     def plant(self, s: ArrayLike) -> Complex:
         """P(s), fine force (N) to rotation of the payload (rad, P), (..., 3, 3)."""
         s = np.asarray(s, dtype=complex)
@@ -101,12 +109,6 @@ class PointingLoop:
         """S G: base wrench (N, N.m; B at its origin) to rotation of the payload (rad, P), (..., 3, 6)."""
         s = np.asarray(s, dtype=complex)
         return np.asarray(self.sensitivity(s) @ from_wrench(self.loop, s, active=self.isolated))
-
-    def from_accelerometers(self, s: ArrayLike) -> Complex:
-        """S P K_we: error of the measured base acceleration (m/s2, rad/s2; B) to rotation (rad, P), (..., 3, 6)."""
-        s = np.asarray(s, dtype=complex)
-        K = self.loop.controller.response(s) * np.exp(-s * self.loop.delay)[..., None, None]
-        return np.asarray(self.sensitivity(s) @ self.plant(s) @ K)
 
     def from_target(self, s: ArrayLike) -> Complex:
         """S L: rotation of the target, or minus the tracker's noise (rad, P), to that of the payload, (..., 3, 3)."""
@@ -164,3 +166,109 @@ def _held(x: Complex) -> Complex:
     small = np.abs(x) < 1e-8
     safe = np.where(small, 1.0, x)
     return np.asarray(np.where(small, 1.0 - 0.5 * x, -np.expm1(-safe) / safe))
+
+
+AXES = ("x", "y", "z")
+
+#: What a design has to keep: gain margin in dB, phase margin in deg.
+LEAST_GAIN_DB, LEAST_PHASE_DEG = 6.0, 30.0
+
+
+@dataclass(frozen=True)
+class AxisMargins:
+    """Margins of one axis with the others closed."""
+
+    axis: str
+    gain_db: float
+    """Least distance of the gain from 0 dB where the phase is -180 deg, either way; inf: it is nowhere."""
+    phase_deg: float
+    """Least phase above -180 deg where the gain is 0 dB."""
+    crossover_hz: float
+    """Where that is."""
+    modulus: float
+    """Least distance of the loop transfer from -1: 1 over the peak of its sensitivity."""
+
+    @property
+    def met(self) -> bool:
+        """At least 6 dB and 30 deg."""
+        return self.gain_db >= LEAST_GAIN_DB and self.phase_deg >= LEAST_PHASE_DEG
+
+
+def find_margins(pointing: PointingLoop, frequency: Array | None = None) -> tuple[AxisMargins, ...]:
+    """Margins of the three axes in closed form, at frequencies (n,), Hz."""
+    frequency = pointing.frequencies() if frequency is None else frequency
+    L = pointing.transfer(2j * np.pi * frequency)
+    return tuple(margins_of(frequency, cut_axis(L, k), axis) for k, axis in enumerate(AXES))
+
+
+def margins_of(frequency: Array, response: Complex, axis: str) -> AxisMargins:
+    """Margins of a loop transfer (n,) at frequencies (n,), Hz, against the point -1, by python-control."""
+    from control import frd, stability_margins  # 1 s to import
+
+    found = stability_margins(frd(response, 2.0 * np.pi * frequency, smooth=True), returnall=True)
+    gains, phases, moduli, _, crossings, _ = (np.atleast_1d(values) for values in found)
+    gain_db = np.abs(20.0 * np.log10(gains))
+    least = int(np.argmin(phases)) if phases.size else None
+    return AxisMargins(
+        axis,
+        gain_db=float(gain_db.min()) if gain_db.size else np.inf,
+        phase_deg=float(phases[least]) if least is not None else np.inf,
+        crossover_hz=float(crossings[least] / (2.0 * np.pi)) if least is not None else np.nan,
+        modulus=float(moduli.min()) if moduli.size else float(np.abs(1.0 + response).min()),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class SampledPointing:
+    """Tracker and controller.
+
+    A tracker or controller that samples slower than the steps is replaced by its mean response, without images.
+    """
+
+    control: PointingFilter
+    timing: Timing
+    """Its step is that of communication, s, above 0."""
+    roll_measured: bool = True
+    """The rotation about the boresight is seen, too."""
+
+    def response(self, frequency: Array) -> Complex:
+        """K, from the rotation that is to be taken away (3, rad, P) to forces (3, N), (n, 3, 3), at frequencies, Hz."""
+        t, h = self.timing, self.timing.step
+        s: Complex = np.asarray(2j * np.pi * np.asarray(frequency))
+        Ad, Bd = self.control.hold(h)
+        # In increments: for slow errors the states of the two integrators change by little in a step.
+        A, B = (Ad - np.eye(len(Ad))) / h, (Bd[:, :3] / h).astype(complex)
+        point = np.expm1(s * h) / h
+        K = self.control.output_map() @ np.linalg.solve(point[:, None, None] * np.eye(len(A)) - A, B)
+        late = np.exp(-s * (t.latency + t.control_sample_time + t.control_delay))
+        for time in (t.sample_time, t.control_sample_time):
+            late = late * hold_mean(np.asarray(s * h), time / h)
+        return np.asarray(K * late[:, None, None] * np.array([1.0, 1.0, float(self.roll_measured)]))
+
+
+def close_loop(K: Complex, seen: Complex, answers: Complex, forces: slice) -> Complex:
+    """Answers of the closed loop to what acts from outside and to the tracker's noise.
+
+    Parameters
+    ----------
+    K: (n, 3, 3), see :meth:`SampledPointing.response`.
+    seen: [G_w G_f] (n, 3, inputs), of the rotation that the tracker sees.
+    answers: [H_w H_f] (..., n, signals, inputs), of any signals.
+    forces: where the three inputs f are.
+
+    Returns (..., n, signals, inputs): the columns of the forces are those of the noise n, rad.
+    """
+    G_f = seen[..., forces]
+    demand = K @ np.linalg.inv(np.eye(3) + G_f @ K)  # K S
+    from_outside = -demand @ seen
+    from_outside[..., forces] = demand
+    closed = np.asarray(answers[..., forces] @ from_outside)
+    outside = np.ones(seen.shape[-1], dtype=bool)
+    outside[forces] = False
+    closed[..., outside] += answers[..., outside]
+    return closed
+
+
+def hold_mean(x: Complex, steps: float) -> Complex:
+    """Mean of 1, exp(-x) ... exp(-(steps - 1) x), (n,): a value that stays for so many steps, x = s h (n,)."""
+    return np.asarray(np.mean(np.exp(-x[:, None] * np.arange(max(round(steps), 1))), axis=1))

@@ -7,14 +7,19 @@ The isolator is called feedforward, but its force moves the base whose motion it
     S(s) = (E - L(s))^-1                     sensitivity, eq (48)
 
 The feedback is positive: the critical point of Nyquist's criterion is **+1**.  The paper reads the margins of +L
-against -1.  Zeros of det(E - L) are the poles of the loop; C (the practical plant, from force to base acceleration)
-and K_we have all their poles in the left half-plane.
+against -1 (:func:`element_margins`).  Zeros of det(E - L) are the poles of the loop; C (the practical plant, from force
+to base acceleration) and K_we have all their poles in the left half-plane.
+
+Plant and controller are python-control systems, too.  Their signals have the names of the FMU's ports with ``_`` for
+the dot, which python-control does not allow in a name.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,8 +30,11 @@ from ..mechanism.inverse_kinematics import inverse_kinematics
 from ..mechanism.linear_model import Plant, PlantModel
 from ..mechanism.parameters import Parameters
 from ..mechanism.quantities import Array, Complex
-from .state_space import BASE_ACCELERATION, FINE_FORCES, controller_system, plant_system
-from .transfer_matrices import Practical
+from ..mechanism.signals import N_INPUTS, N_LOADS, OUTPUTS
+from .transfer_matrices import Practical, place_frequencies
+
+if TYPE_CHECKING:
+    from control import StateSpace
 
 _TURN = 0.15  # rad: the curve of det(E - L) is refined until no step turns by more
 _LOWEST, _HIGHEST = 1e-7, 1e5  # Hz: range of the Nyquist curve; beyond it L is below 1e-5
@@ -227,3 +235,96 @@ def _distinct(values: Complex) -> Complex:
 
 def _from_the_right(poles: Complex) -> Complex:
     return np.asarray(poles[np.argsort(-poles.real)])
+
+
+FINE_FORCES = [f"fine_force_{i}" for i in (1, 2, 3)]  # N
+BASE_WRENCH = [f"base_{kind}_{axis}" for kind in ("force", "torque") for axis in "xyz"]  # N, N.m, in B at its origin
+OUTPUT_NAMES = [name.replace(".", "_") for signal in OUTPUTS for name in signal.names]
+BASE_ACCELERATION = OUTPUT_NAMES[:6]
+
+
+def plant_system(model: PlantModel) -> StateSpace:
+    """The plant about its pose, coarse legs at rest: from fine forces and base wrench (9) to all its outputs.
+
+    Orientation and coarse displacement are deviations from the pose.  Coordinates that are switched off are left out.
+    """
+    from control import ss
+
+    A, B, C, D = model.matrices()
+    d = model.dynamics
+    moving = np.concatenate([d.active, d.active, np.zeros(model.n_states - 2 * d.n, dtype=bool)])
+    inputs = np.arange(N_INPUTS) < N_LOADS
+    return ss(
+        A[np.ix_(moving, moving)],
+        B[np.ix_(moving, inputs)],
+        C[:, moving],
+        D[:, inputs],
+        inputs=FINE_FORCES + BASE_WRENCH,
+        outputs=OUTPUT_NAMES,
+        name="plant",
+    )
+
+
+def controller_system(controller: Controller) -> StateSpace:
+    """The practical controller (55): from base acceleration (6) to fine forces (3)."""
+    from control import ss
+
+    return ss(*controller.matrices(), inputs=BASE_ACCELERATION, outputs=FINE_FORCES, name="isolator")
+
+
+@dataclass(frozen=True)
+class Margins:
+    """One element of L as a Bode diagram: what Fig 10 and section 4.2 state."""
+
+    largest_gain_db: float
+    largest_gain_at: float
+    """Hz."""
+    gain_crossings: tuple[float, ...]
+    """Hz, where the gain passes 0 dB."""
+    phase_crossings: tuple[float, ...]
+    """Hz, where the phase passes -180 deg while the gain is above 0 dB."""
+    phase_margin: float
+    """deg, phase above -180 deg at the last gain crossing; nan without one."""
+
+
+def element_margins(loop: Loop, band: tuple[float, float], row: int = 0, column: int = 0) -> Margins:
+    """Margins of +L[row, column] against the point -1, over a band of frequencies, Hz."""
+
+    def element(f: ArrayLike) -> Complex:
+        return loop.transfer(2j * np.pi * np.asarray(f))[..., row, column]
+
+    return margins(element, place_frequencies(loop.plant_poles(), *band, 1500))
+
+
+def margins(element: Callable[[ArrayLike], Complex], frequency: Array) -> Margins:
+    """Margins of a function of frequency (Hz) against the point -1.
+
+    It is searched at the frequencies (n,), and then followed between them.
+    """
+    from scipy.optimize import minimize_scalar
+
+    def gain(value: Complex) -> Array:
+        return np.asarray(20.0 * np.log10(np.abs(value)))
+
+    def phase(value: Complex) -> Array:
+        """Distance from -180 deg, deg, between -180 and 180."""
+        return np.asarray(np.degrees(np.angle(-value)))
+
+    values = element(frequency)
+    gains = gain(values)
+    crossings = _roots(lambda f: gain(element(f)), frequency, gains)
+    turning = _roots(lambda f: phase(element(f)), frequency, phase(values), jump=180.0)
+    turning = [f for f in turning if gain(element(f)) > 0.0]
+    margin = float(phase(element(crossings[-1]))) if crossings else np.nan
+    top = int(np.clip(gains.argmax(), 1, len(frequency) - 2))
+    around = (frequency[top - 1], frequency[top + 1])
+    peak = minimize_scalar(lambda f: -gain(element(f)), bounds=around, method="bounded")
+    return Margins(-float(peak.fun), float(peak.x), tuple(crossings), tuple(turning), margin)
+
+
+def _roots(f: Callable[[float], Array], x: Array, y: Array, jump: float = np.inf) -> list[float]:
+    """Where f, with values y at the points x, passes zero, but for jumps larger than ``jump``."""
+    from scipy.optimize import brentq
+
+    places = np.flatnonzero((np.sign(y[1:]) != np.sign(y[:-1])) & (np.abs(np.diff(y)) < jump))
+    return [float(brentq(f, x[k], x[k + 1], xtol=1e-12 * x[k])) for k in places]

@@ -1,27 +1,325 @@
-"""What a communication step does to the transmissibility with the isolator, in closed form.
+"""What a communication step does to plant and isolator: as their FMUs step, and to second order in closed form.
 
-A step h costs the loop three half steps.  The isolator holds the acceleration over a step, and the plant the force:
-each is a pure delay of h / 2.  The third is not: an acceleration at the end of a step is computed with the forces that
-were held over it, which are half a step old on average, while its part from springs and dampers is up to date.  With
-u = [f, w_b] the forces on fine legs and base, and N their direct effect on the base acceleration::
+**As the FMUs step.**  Each component steps as ``[y; x](t + h) = M [x; u](t)`` with inputs that are held
+(:func:`..mechanism.discretisation.zero_order_hold`); at a communication point it gets the outputs of the others at the
+start of the step (Jacobi).  So outputs are states of the whole (:func:`connect`), and a wire costs a step.  At
+z = exp(j 2 pi f h) a step map is a matrix (:func:`respond`)::
+
+    x = (z - M_xx)^-1 M_xu u,    y = (M_yx x + M_yu u) / z
+
+There is no limit on f h: a line that the steps fold is where it is folded to.  Left out is what is not linear: limits,
+stops, rounding (which counts as a noise source), the centripetal acceleration; and what samples slower than the steps
+is replaced by its mean response, without the images that it makes.
+
+**To second order in s h** (:func:`from_base_sampled`) a step costs the loop three half steps.  The isolator holds the
+acceleration over a step, and the plant the force: each is a pure delay of h / 2.  The third is not: an acceleration at
+the end of a step is computed with the forces that were held over it, which are half a step old on average, while its
+part from springs and dampers is up to date.  With u = [f, w_b] the forces on fine legs and base, and N their direct
+effect on the base acceleration::
 
     a = s^2 q_b - (s h / 2) N u,    f = K_we exp(-s (tau + h)) a,    q_b = C f + D w_b
 
-Where no spring is at work, well above the modes of the bus, all three together are a delay of 1.5 steps.  What is left
-out is of second order in s h.
+Where no spring is at work, well above the modes of the bus, all three together are a delay of 1.5 steps.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..actuators.voice_coil import Coils, discretise
+from ..control.feedforward import Controller
 from ..mechanism.dynamics import Dynamics
-from ..mechanism.quantities import Array, Complex
+from ..mechanism.linear_model import PlantModel
+from ..mechanism.quantities import Array, Complex, ParameterError
+from ..mechanism.signals import ADDED, N_LOADS, N_OUTPUTS, OUTPUTS, output_slices
+from ..sensors.inertial import ACCELEROMETERS, InertialSensors
 from .loop import Loop
 from .transfer_matrices import Practical
+
+FORCES = tuple(f"fine_force_{i}" for i in (1, 2, 3))  # N
+WRENCH = tuple(f"base_{kind}.{axis}" for kind in ("force", "torque") for axis in "xyz")  # N, N.m; B at its origin
+ACCELERATION = tuple(f"base_{kind}.{axis}" for kind in ("acceleration", "angular_acceleration") for axis in "xyz")
+LONGEST_DELAY = 40  # steps that a delay line has states for; the time to solve grows with the third power of all states
+_AT_ONCE = 64  # frequencies: 8 MB with the isolator
+_GONE = 1e-6  # a pole of the samples below it has died away within a step
+_FORCES, _WRENCH, _ACCELERATION = slice(0, 3), slice(3, N_LOADS), slice(0, 6)  # of the plant's inputs and outputs
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """A component that steps by a linear map."""
+
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    map: Array
+    """(outputs + states, states + inputs): ``[y; x](t + h)`` from ``[x; u](t)``."""
+
+    @property
+    def n_states(self) -> int:
+        """Size of x."""
+        return self.map.shape[1] - len(self.inputs)
+
+    def delayed(self, steps: int, held: int = 1) -> Block:
+        """The same with outputs so many steps later, each the mean of ``held`` of them: of a value that stays as long.
+
+        Raises ``ParameterError`` beyond :data:`LONGEST_DELAY`.
+        """
+        length, n, k = steps + held - 1, self.n_states, len(self.outputs)
+        if not length:
+            return self
+        if length > LONGEST_DELAY:
+            raise ParameterError("delay", f"expected at most {LONGEST_DELAY} steps in closed form, got {length}")
+        line = np.zeros((k * (length + 1), n + k * length + len(self.inputs)))  # present and past outputs
+        own = np.r_[0:n, n + k * length : line.shape[1]]
+        line[:k, own] = self.map[:k]
+        line[k:, n : n + k * length] = np.eye(k * length)
+        mean = np.kron(np.repeat([0.0, 1.0 / held], [steps, held]), np.eye(k))
+        states = np.zeros((n, line.shape[1]))
+        states[:, own] = self.map[k:]
+        return Block(self.inputs, self.outputs, np.vstack([mean @ line, states, line[: k * length]]))
+
+
+@dataclass(frozen=True, eq=False)
+class SampledSystem:
+    """``x[k+1] = x[k] + step (A x[k] + B u[k])``, ``y[k] = C x[k]``."""
+
+    A: Array
+    """(n, n), 1/s."""
+    B: Array
+    """(n, inputs)."""
+    C: Array
+    """(outputs, n)."""
+    step: float
+    """s."""
+    inputs: tuple[str, ...]
+    """``component.input``."""
+    outputs: tuple[str, ...]
+    """``component.output``."""
+
+
+def make_plant_block(model: PlantModel, h: float) -> Block:
+    """The plant about its pose, coarse legs at rest, over a step of ``h``, s.
+
+    Inputs: fine forces, base wrench, added fine forces.  Outputs: all of the FMU's, as deviations from the pose.
+    """
+    d = model.dynamics
+    moving = np.concatenate([d.active, d.active, np.zeros(model.n_states - 2 * d.n, dtype=bool)])
+    states, inputs = np.flatnonzero(moving), np.r_[0:N_LOADS, ADDED]
+    whole = model.step_map(h)
+    picked = whole[np.ix_(np.r_[0:N_OUTPUTS, N_OUTPUTS + states], np.r_[states, model.n_states + inputs])]
+    names = tuple(name for signal in OUTPUTS for name in signal.names)
+    return Block((*FORCES, *WRENCH, *(f"added_{name}" for name in FORCES)), names, picked)
+
+
+def make_isolator_block(controller: Controller, h: float, delay: float = 0.0) -> Block:
+    """The isolator at an orientation; its forces have a pure delay, s."""
+    return Block(ACCELERATION, FORCES, controller.step_map(h)).delayed(_count(delay, h, "delay"))
+
+
+def make_sensors_block(sensors: InertialSensors, h: float) -> Block:
+    """Accelerometers and the estimate of the base motion.
+
+    The inputs ``noise_1`` ... are errors of the accelerometers' samples, m/s2.  Rate sensors are left out: an isolator
+    does not use them.
+    """
+    Ad, bd = sensors.accelerometer.lowpass.discretise(h)
+    estimator = sensors.estimator[:6, :ACCELEROMETERS]
+    motion, _ = sensors.reading_rows
+    # One low-pass for each axis of the motion: all accelerometers have the same, and what follows is static.
+    through = estimator @ (sensors.gain[:ACCELEROMETERS, None] * motion[:ACCELEROMETERS, :6])
+    states = np.hstack([np.kron(Ad, np.eye(6)), np.kron(bd[:, None], np.eye(6)), np.zeros((12, ACCELEROMETERS))])
+    outputs = through @ states[:6]
+    outputs[:, 18:] = estimator
+    names = tuple(name.replace("base", "estimated") for name in ACCELERATION)
+    noise = tuple(f"noise_{k + 1}" for k in range(ACCELEROMETERS))
+    every = max(_count(sensors.sample_time, h, "sample_time"), 1)
+    block = Block((*ACCELERATION, *noise), names, np.vstack([outputs, states]))
+    return block.delayed(_count(sensors.latency, h, "latency"), every)
+
+
+def make_coils_block(coils: Coils, h: float) -> Block:
+    """Voice coils and drivers at mid-stroke, within their limits.
+
+    The inputs ``noise_1`` ... are errors of the demanded currents, A.
+    """
+    coil, loop, one = coils.coil, discretise(coils.coil, coils.driver, h), np.eye(3)
+    constant = float(coil.compute_constant(np.zeros(1))[0])
+    demand = loop.response * loop.gain
+    emf = loop.response * (coils.driver.emf_compensation - 1.0) * constant
+    factors = (1.0 - demand, *[demand / coil.force_constant] * 2, emf, demand)
+    current = np.hstack([factor * one for factor in factors])
+    names = ("force_command", "added_force_command", "fine_velocity", "noise")
+    inputs = tuple(f"{name}_{i}" for name in names for i in (1, 2, 3))
+    return Block(inputs, FORCES, np.vstack([constant * current, current]))
+
+
+def connect(
+    blocks: Mapping[str, Block],
+    wires: Iterable[tuple[str, str]],
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    h: float,
+) -> SampledSystem:
+    """One model of blocks that exchange their outputs at the ends of steps of ``h``, s.
+
+    Parameters
+    ----------
+    blocks: by the name of the component.
+    wires: pairs ``component.output``, ``component.input``; those between other components and ports are passed over.
+    inputs, outputs: ``component.variable`` of what the model takes from outside and puts out.
+
+    Raises ``KeyError`` for an input or output that no block has.
+    """
+    sources = {f"{name}.{port}": k for k, (name, port) in enumerate(_list_ports(blocks, "outputs"))}
+    sinks = {f"{name}.{port}": k for k, (name, port) in enumerate(_list_ports(blocks, "inputs"))}
+    wired = np.zeros((len(sinks), len(sources)))
+    for start, end in wires:
+        if start in sources and end in sinks:
+            wired[sinks[end], sources[start]] = 1.0
+    from_outside = np.zeros((len(sinks), len(inputs)))
+    from_outside[[sinks[name] for name in inputs], np.arange(len(inputs))] = 1.0
+
+    yx, yu, xx, xu = (_join(blocks, part) for part in ("yx", "yu", "xx", "xu"))
+    wanted = [sources[name] for name in outputs]
+    kept = np.unique(np.concatenate([np.flatnonzero(wired.any(axis=0)), np.array(wanted, dtype=int)]))
+    from_outputs = wired[:, kept]
+    step = np.block([[yu[kept] @ from_outputs, yx[kept]], [xu @ from_outputs, xx]])
+    drive = np.vstack([yu[kept] @ from_outside, xu @ from_outside])
+    read = np.zeros((len(outputs), len(step)))
+    read[np.arange(len(outputs)), np.searchsorted(kept, wanted)] = 1.0
+    return SampledSystem((step - np.eye(len(step))) / h, drive / h, read, h, tuple(inputs), tuple(outputs))
+
+
+def _list_ports(blocks: Mapping[str, Block], kind: str) -> list[tuple[str, str]]:
+    return [(name, port) for name, block in blocks.items() for port in getattr(block, kind)]
+
+
+def _join(blocks: Mapping[str, Block], part: str) -> Array:
+    """One of the four parts of all maps: from states or inputs (second letter) to outputs or states (first)."""
+    from scipy.linalg import block_diag
+
+    found = []
+    for block in blocks.values():
+        outputs, states = len(block.outputs), block.n_states
+        rows = {"y": slice(0, outputs), "x": slice(outputs, None)}[part[0]]
+        columns = {"x": slice(0, states), "u": slice(states, None)}[part[1]]
+        found.append(block.map[rows, columns])
+    return np.asarray(block_diag(*found))
+
+
+def _count(time: float, h: float, name: str) -> int:
+    """Steps in a time, both in s; ``ParameterError`` unless it is a whole number."""
+    count = round(time / h)
+    if abs(time / h - count) > 1e-6:
+        raise ParameterError(name, f"expected a multiple of the step of {h:g} s, got {time:g} s")
+    return count
+
+
+@dataclass(frozen=True, eq=False)
+class SteppedLoop:
+    """Plant and isolator alone: ``X(k+1) = A X(k) + B w(k)``, ``y(k+1) = L X(k) + E w(k)``.
+
+    w (6,) is the wrench on the base, N, N.m, in B at its origin.
+    """
+
+    A: Array
+    """(n, n)."""
+    B: Array
+    """(n, 6)."""
+    L: Array
+    """(outputs, n)."""
+    E: Array
+    """(outputs, 6)."""
+    step: float
+    """s."""
+
+    def response(self, frequency: ArrayLike) -> Complex:
+        """From the samples of the wrench to those of the outputs, (n, outputs, 6), at frequencies (n,), Hz, above 0."""
+        z = np.exp(2j * np.pi * self.step * np.asarray(frequency, dtype=float))
+        return _solve(self.A, self.B, self.L, self.E, z)
+
+    def poles(self) -> Complex:
+        """Of the continuous system with the same samples, rad/s, without those that a delay has at minus infinity."""
+        values = np.linalg.eigvals(self.A)
+        return np.asarray(np.log(values[np.abs(values) > _GONE].astype(complex)) / self.step)
+
+
+def step_loop(model: PlantModel, controller: Controller | None, h: float, outputs: ArrayLike) -> SteppedLoop:
+    """Plant and isolator with a step of ``h``, s.
+
+    Parameters
+    ----------
+    model: the plant about its pose.
+    controller: of the isolator, without a delay of its own; None: it is off.
+    outputs: (m,), places among the plant's outputs (:func:`..mechanism.signals.output_slices`).
+    """
+    d, step = model.dynamics, model.step_map(h)
+    active = np.flatnonzero(d.active)
+    moving = np.concatenate([active, d.n + active])  # the states that a force moves: not the coarse legs
+    states = np.concatenate([np.arange(N_OUTPUTS), N_OUTPUTS + moving])
+    loads = model.n_states + np.arange(N_LOADS)
+    by_state, by_load = step[np.ix_(states, moving)], step[np.ix_(states, loads)]
+    by_force, by_wrench = by_load[:, _FORCES], by_load[:, _WRENCH]
+    places, n = np.asarray(outputs, dtype=np.intp), len(moving)
+    if controller is None:
+        return SteppedLoop(by_state[N_OUTPUTS:], by_wrench[N_OUTPUTS:], by_state[places], by_wrench[places], h)
+
+    # X = [x; a; f; x_c]
+    m = controller.n_states
+    control = controller.step_map(h)
+    a, f, c = slice(n, n + 6), slice(n + 6, n + 9), slice(n + 9, n + 9 + m)
+    A, B = np.zeros((n + 9 + m, n + 9 + m)), np.zeros((n + 9 + m, 6))
+    for rows, of in ((slice(0, n), slice(N_OUTPUTS, None)), (a, _ACCELERATION)):
+        A[rows, :n], A[rows, f], B[rows] = by_state[of], by_force[of], by_wrench[of]
+    A[n + 6 :, c], A[n + 6 :, a] = control[:, :m], control[:, m:]
+    L = np.zeros((len(places), len(A)))
+    L[:, :n], L[:, f] = by_state[places], by_force[places]
+    return SteppedLoop(A, B, L, by_wrench[places], h)
+
+
+def from_wrench_stepped(
+    model: PlantModel, controller: Controller | None, frequency: Array, h: float, *, delay: float = 0.0
+) -> Complex:
+    """Wrench on the base (N, N.m; B at its origin) to payload rotation (rad; P) at the instants, (n, 3, 6).
+
+    Parameters
+    ----------
+    model: the plant about rest; its motion is so small that it keeps its linear model.
+    controller: of the isolator; None: it is off.
+    frequency: (n,), Hz; not 0, and no multiple of the rate of the steps.
+    h: communication step, s.
+    delay: of the isolator's forces, s, a multiple of the step.
+    """
+    rotation = output_slices()["payload_rotation"]
+    z = np.exp(2j * np.pi * h * np.asarray(frequency, dtype=float))
+    P = respond(model.step_map(h), model.n_states, z)
+    to_rotation = P[:, rotation, _WRENCH]
+    if controller is None:
+        return np.asarray(to_rotation)
+    K = respond(controller.step_map(h), controller.n_states, z) * (z ** -round(delay / h))[:, None, None]
+    loop = np.eye(3) - K @ P[:, _ACCELERATION, _FORCES]
+    force = np.linalg.solve(loop, K @ P[:, _ACCELERATION, _WRENCH])
+    return np.asarray(to_rotation + P[:, rotation, _FORCES] @ force)
+
+
+def respond(step: Array, n_states: int, z: Complex) -> Complex:
+    """Outputs per input (n, outputs, inputs) at z (n,) of a step map ``[y; x](t + h) = step [x; u](t)``."""
+    y, x = np.split(step, [len(step) - n_states])
+    return _solve(x[:, :n_states], x[:, n_states:], y[:, :n_states], y[:, n_states:], z)
+
+
+def _solve(xx: Array, xu: Array, yx: Array, yu: Array, z: Complex) -> Complex:
+    """(n, outputs, inputs) at z (n,) of a step map in four parts, from states and inputs to states and outputs."""
+    found = [
+        (yx @ np.linalg.solve(at * np.eye(len(xx)) - xx, xu.astype(complex)) + yu) / at
+        for at in np.array_split(z[:, None, None], len(z) // _AT_ONCE + 1)
+    ]
+    return np.concatenate(found)
 
 
 def from_base_sampled(loop: Loop, s: ArrayLike, h: float) -> Complex:

@@ -25,7 +25,7 @@ from ..disturbance import psd_at_origin
 from ..mechanism.parameters import Bus, Noise
 from ..mechanism.quantities import Array, Complex
 from ..sensors.inertial import ACCELEROMETERS, InertialSensors
-from .line_of_sight import Timing
+from .line_of_sight import Timing, hold_mean
 from .loop import Loop
 from .transfer_matrices import Practical, place_frequencies
 
@@ -107,18 +107,14 @@ class SensedIsolation:
     @cached_property
     def _lowpass(self) -> Complex:
         """M(s), (n,)."""
-        low = self.loop.controller.lowpass
-        states = np.linalg.solve(self._s[:, None, None] * np.eye(low.order) - low.A, low.b[:, None].astype(complex))
-        return np.asarray(low.c @ states[..., 0].T + low.d)
+        return self.loop.controller.lowpass.response(self._s)
 
     def _control(self, corner: float) -> Complex:
         """K_we(s) with its delay, from acceleration to force, (n, 3, 6)."""
-        gains, filters = self.loop.controller.gains, self.loop.controller.filters
-        omega, s = 2.0 * np.pi * corner, self._s
-        H2 = 1.0 / (s * s + 2.0 * filters.highpass_damping_ratio * omega * s + omega * omega)
-        parts = ((self._lowpass, gains.acceleration), (s * H2, gains.velocity), (H2, gains.displacement))
+        controller, s = self.loop.controller, self._s
+        tuned = replace(controller, filters=replace(controller.filters, highpass_frequency=corner))
         delayed = np.exp(-s * (self.loop.delay + LOOP_DELAY * self.step))
-        return np.asarray(sum((share * delayed)[:, None, None] * gain for share, gain in parts))
+        return tuned.combine(s, self._lowpass) * delayed[:, None, None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,9 +211,8 @@ def with_noise(sensors: InertialSensors, density: float) -> InertialSensors:
 
 
 def _held(sensors: InertialSensors, f: Array, h: float) -> Complex:
-    """A value that stays for a sample time, on the grid of steps: the mean of so many delays."""
-    every = round(sensors.sample_time / h) if sensors.sample_time else 1
-    return np.asarray(np.mean(np.exp(-2j * np.pi * f[:, None] * h * np.arange(max(every, 1))), axis=1))
+    """A value that stays for a sample time, on the grid of steps."""
+    return hold_mean(np.asarray(2j * np.pi * f * h), sensors.sample_time / h)
 
 
 def _pass(G: Complex, density: Array) -> Array:

@@ -71,11 +71,6 @@ class Nominal:
         J = self.dynamics.jacobians
         return np.asarray(J.J_theta_f @ self.G11(s) + J.J_theta_b @ self.C(s))
 
-    def A_fixed_base(self, s: ArrayLike) -> Complex:
-        """A(s) as if the base did not move (3, 3), eq (46)."""
-        U11, _, _, _ = self.U(s)
-        return np.asarray(self.dynamics.jacobians.J_theta_f @ np.linalg.inv(U11))
-
     def B(self, s: ArrayLike) -> Complex:
         """Base wrench -> payload rotation (3, 6), eq (35)."""
         return np.asarray(self.G_P(s) @ self.D(s))

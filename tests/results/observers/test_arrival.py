@@ -3,7 +3,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from ps_fmu.results.observers.arrival import ArrivalObserver, LastRow
+from ps_fmu.results.observers.arrival import ArrivalObserver
 
 
 @dataclass(frozen=True)
@@ -71,12 +71,3 @@ def test_nothing_moves():
 def test_no_rows():
     with pytest.raises(ValueError, match="no rows"):
         ArrivalObserver(COLUMNS, ["a"], flag="moving", settle_s=1.0).result()
-    with pytest.raises(ValueError, match="no rows"):
-        LastRow(COLUMNS, ["a"]).result()
-
-
-def test_last_row():
-    last = LastRow(COLUMNS, ["b", "a"])
-    for first in (0, 3):
-        last.block(first, np.arange(first, first + 3) * STEP, np.arange(9.0).reshape(3, 3) + first)
-    np.testing.assert_array_equal(last.result(), [11.0, 9.0])

@@ -6,7 +6,7 @@ import sys
 import zipfile
 from pathlib import Path
 
-from ps_fmu.slavekit.launcher.c_program import find_fmi_headers
+from ps_fmu.native.build import find_fmi_headers
 
 HERE = Path(__file__).parent
 

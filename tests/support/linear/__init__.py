@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from ps_fmu.cosim import Scheme, System, read_system
-from ps_fmu.slavekit.launcher.c_program import find_fmi_headers
+from ps_fmu.native.build import find_fmi_headers
 from support.cosim import Collect, simulate
 
 HERE = Path(__file__).parent

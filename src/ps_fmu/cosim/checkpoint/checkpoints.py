@@ -9,18 +9,17 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Protocol
+from time import perf_counter
 
-from ..assembly import Assembly
+from ..clock import Schedule
 from ..errors import SlaveError, UsageError
-from ..events import Schedule
 from ..fmu_instance import InstancePhase
-from ..recording.delivery import Delivery, Observer, name_observer
-from .folder import CheckpointFolder
-from .journal import Journal
-from .pace import Pace
+from ..recording.delivery import Observer, name_observer
+from ..wires import Assembly
+from .files import CheckpointFolder, Journal
 from .parts import (
     check_abilities,
     find_difference,
@@ -36,50 +35,64 @@ from .warm_start import WarmStart
 
 log = logging.getLogger("ps_fmu.cosim")
 
-
-class RunKeeper(Protocol):
-    """Whom a master tells how far its run is."""
-
-    def begin(self, parts: Assembly, index: int, steps: int, observers: Sequence[Observer]) -> tuple[int, int]:
-        """A run of ``steps`` from communication point ``index`` on begins; returns where it began, and where it is."""
-
-    def skip(self, schedule: Schedule) -> Schedule:
-        """The events of the run that are to come."""
-
-    def limit(self, stop: int) -> int:
-        """The last communication point to step to at once, ``stop`` at most."""
-
-    def arrive(self, index: int, left: int, delivery: Delivery, interrupted: bool) -> None:
-        """The run is at a communication point; ``left`` events are to come."""
-
-    def end(self) -> None:
-        """The run is over, whatever ended it."""
+LEAST = 0.25
+"""Part of the share that is for checkpoints in any case, where the rows in journals take more than the rest."""
+LOOK_S = 0.1
+"""A checkpoint that waits is looked at again after so long [s]: to stop at a communication point costs some 50 us."""
 
 
-class NoCheckpoints:
-    """Keeps nothing."""
+class Pace:
+    """Tells when the last checkpoint has been paid for.
 
-    def begin(self, parts: Assembly, index: int, steps: int, observers: Sequence[Observer]) -> tuple[int, int]:
-        """See :class:`RunKeeper`."""
-        return index, index
+    All is measured as time that passes, not as processor time: where other programs have the processor both last
+    longer, a disk that is slow counts, and a run that waits for FMUs in processes of their own has checkpoints all the
+    same.  Rows that go into journals count as well.
 
-    def skip(self, schedule: Schedule) -> Schedule:
-        """See :class:`RunKeeper`."""
-        return schedule
+    Parameters
+    ----------
+    share: of the time since a checkpoint that it may have taken, before the next; None: any
+    clock: reads a time [s]
 
-    def limit(self, stop: int) -> int:
-        """See :class:`RunKeeper`."""
-        return stop
+    Raises :class:`UsageError` for a share that is none.
+    """
 
-    def arrive(self, index: int, left: int, delivery: Delivery, interrupted: bool) -> None:
-        """See :class:`RunKeeper`."""
+    def __init__(self, share: float | None, clock: Callable[[], float] = perf_counter) -> None:
+        if share is not None and not share > 0.0:
+            raise UsageError(f"checkpoint: expected a share of the time above 0, got {share!r}")
+        self._share, self._clock = share, clock
+        self._first_index, self._first_s = 0, clock()
+        self._begun_s = -math.inf
+        self._rows_s = self._cost_s = 0.0
 
-    def end(self) -> None:
-        """See :class:`RunKeeper`."""
+    def start(self, index: int) -> None:
+        """The run begins, at a communication point."""
+        self._first_index, self._first_s = index, self._clock()
+
+    def is_paid(self, rows_s: float) -> bool:
+        """Whether a checkpoint may be taken now; the rows have taken ``rows_s`` since the start of the run [s]."""
+        if self._share is None:
+            return True
+        earned = self._share * (self._clock() - self._begun_s)
+        return self._cost_s <= max(earned - (rows_s - self._rows_s), LEAST * earned)
+
+    @contextmanager
+    def count(self, rows_s: float) -> Iterator[None]:
+        """Count the time of the body, which takes a checkpoint."""
+        self._begun_s, self._rows_s = self._clock(), rows_s
+        try:
+            yield
+        finally:
+            self._cost_s = self._clock() - self._begun_s
+
+    def find_next_look(self, index: int) -> int:
+        """The communication point at which to look again, as fast as the run has been."""
+        passed = self._clock() - self._first_s
+        steps = (index - self._first_index) * LOOK_S / passed if passed > 0.0 else 0.0
+        return index + max(1, math.ceil(steps))
 
 
 class Checkpoints:
-    """Takes checkpoints of a run, and has it go on from the last one.
+    """Takes checkpoints of a run, and has it go on from the last one; ``Checkpoints(None)`` keeps nothing.
 
     The run is made by the same calls as for the first time, with ``resume``: a new master with the same arguments, its
     initialisation, observers that are made in the same way, ``run`` with the same duration and events.
@@ -136,7 +149,7 @@ class Checkpoints:
         return notes if isinstance(notes, dict) else {}
 
     def begin(self, parts: Assembly, index: int, steps: int, observers: Sequence[Observer]) -> tuple[int, int]:
-        """See :class:`RunKeeper`.
+        """A run of ``steps`` from communication point ``index`` on begins; returns where it began, and where it is.
 
         Raises :class:`CheckpointError`: an FMU or an observer has no state that can be kept; the checkpoint is of
         another run, or damaged.  :class:`SlaveError`: an FMU refuses its state.
@@ -165,7 +178,7 @@ class Checkpoints:
         return self._first, index
 
     def skip(self, schedule: Schedule) -> Schedule:
-        """See :class:`RunKeeper`.
+        """The events of the run that are to come.
 
         The run can no longer be refused for what it is given: one that begins anew takes the folder.  Raises
         :class:`CheckpointError` if what has happened is not what the checkpoint has in it.
@@ -188,36 +201,26 @@ class Checkpoints:
         return left
 
     def limit(self, stop: int) -> int:
-        """See :class:`RunKeeper`."""
+        """The last communication point to step to at once, ``stop`` at most."""
         return min(stop, self._due)
 
-    def arrive(self, index: int, left: int, delivery: Delivery, interrupted: bool) -> None:
-        """See :class:`RunKeeper`: a checkpoint is taken if it is due and paid for, at the end of the run, and before it
-        is interrupted."""
+    def arrive(self, index: int, left: int, interrupted: bool) -> None:
+        """The run is at a communication point; ``left`` events are to come.
+
+        A checkpoint is taken if it is due and paid for, at the end of the run, and before it is interrupted.
+        """
         if self._folder is None or not (index >= self._due or interrupted) or not self._is_between_steps():
             return
         rows_s = sum(journal.spent_s for journal in self._journals)
         if not (interrupted or index >= self._first + self._steps or self._pace.is_paid(rows_s)):
             self._set_due(self._pace.find_next_look(index) - 1)
             return
-        parts = self._parts
-        past = _list_events(self._schedule[: len(self._schedule) - left])
-        self._pace.begin(rows_s)
-        try:
-            with self._pace.count():
-                where = {"index": index, "began": self._first, "events": past}
-                tree = {**where, "fmus": save_fmus(parts), **save_rows(parts)}
-        except (SlaveError, UsageError) as error:
-            if any(one.phase is not InstancePhase.RUNNING for one in parts.instances.values()):
-                raise
-            log.warning("no checkpoint at t = %.9g s: %s", parts.clock.time(index), error)
-            self._pace.end()
-        else:
-            delivery.call(lambda: self._write(index, tree))
+        with self._pace.count(rows_s):
+            self._take(index, left)
         self._set_due(index)
 
     def end(self) -> None:
-        """See :class:`RunKeeper`."""
+        """The run is over, whatever ended it."""
         for journal in self._journals:
             journal.close()
 
@@ -233,27 +236,34 @@ class Checkpoints:
         running = all(one.phase is InstancePhase.RUNNING for one in self._parts.instances.values())
         return running and loop is not None and loop.is_between_steps
 
-    def _write(self, index: int, tree: dict[str, State]) -> None:
-        """The rest of a checkpoint: what the observers have seen, which are between two blocks now."""
-        assert self._folder is not None
+    def _take(self, index: int, left: int) -> None:
+        parts, folder = self._parts, self._folder
+        assert folder is not None
+        past = _list_events(self._schedule[: len(self._schedule) - left])
         try:
-            with self._pace.count():
-                kept = [
-                    {
-                        "name": name_observer(observer),
-                        "state": dict(state.save_state()),  # first: it may add rows to the journal
-                        "journal": None if journal is None else journal.sync(),
-                    }
-                    for observer, (state, journal) in zip(self._observers, self._stateful, strict=True)
-                ]
-                tree = {**tree, "run": self._identity, "observers": kept, "notes": dict(self._notes())}
-                self._folder.write(index, tree)
+            where = {"index": index, "began": self._first, "events": past}
+            tree = {**where, "fmus": save_fmus(parts), **save_rows(parts)}
+        except (SlaveError, UsageError) as error:
+            if any(one.phase is not InstancePhase.RUNNING for one in parts.instances.values()):
+                raise
+            log.warning("no checkpoint at t = %.9g s: %s", parts.clock.time(index), error)
+            return
+        try:
+            kept = [
+                {
+                    "name": name_observer(observer),
+                    "state": dict(state.save_state()),  # first: it may add rows to the journal
+                    "journal": None if journal is None else journal.sync(),
+                }
+                for observer, (state, journal) in zip(self._observers, self._stateful, strict=True)
+            ]
+            folder.write(
+                index, {**tree, "run": self._identity, "observers": kept, "notes": dict(self._notes())}
+            )
         except OSError as error:
-            log.warning("%s: no checkpoint is written: %s", self._folder.path, error.strerror or error)
+            log.warning("%s: no checkpoint is written: %s", folder.path, error.strerror or error)
         else:
-            self.last_time = self._parts.clock.time(index)
-        finally:
-            self._pace.end()
+            self.last_time = parts.clock.time(index)
 
     def _restore(self, path: Path, kept: Mapping[str, State]) -> int:
         """Go on from a checkpoint; returns its communication point."""

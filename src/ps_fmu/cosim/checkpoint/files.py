@@ -1,63 +1,53 @@
-"""The file of a checkpoint: a ZIP archive, not compressed, of ``checkpoint.json`` and ``arrays.bin``.
+"""The files of checkpoints, each complete or not there, and the journals of rows that only grow in number.
 
-The JSON holds the tree of the state; an array, or bytes, stands in it as ``{"$array": k}`` or ``{"$bytes": k}``, for
-the k-th entry of the list ``arrays``: dtype, size and offset in ``arrays.bin``, where all lie one behind the other,
-little endian.  Beside it stand the shape, and whether it lies there column by column.  Numbers that JSON has not are
-``{"$number": "nan"}``.
+A checkpoint is a line with the format and a checksum, and the state as MessagePack; an array in it is an extension of
+type 1: dtype, shape, whether it lies column by column, and its bytes, little endian.  A file may come from anywhere:
+nothing in it is executed, and no size in it is believed.
 
-A file may come from anywhere: nothing in it is executed, and no size in it is believed.
+A journal is float64 after float64, little endian, row by row.  A checkpoint says how many of the rows are its own, and
+their checksum; what lies behind them, of after the checkpoint, is cut off when the run is resumed.
 """
 
 from __future__ import annotations
 
-import json
-import math
+import logging
 import os
-import struct
-import zipfile
-from collections.abc import Mapping
+import re
+import zlib
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from time import perf_counter
 from typing import Any
 
+import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
-from .state import CheckpointError, DamagedCheckpointError, State
+from .state import Array, CheckpointError, DamagedCheckpointError, State
 
-FORMAT = 1
-HEAD, ARRAYS = "checkpoint.json", "arrays.bin"
-MOST_HEAD_BYTES = 2**26
+log = logging.getLogger("ps_fmu.cosim")
+
+GENERATIONS = 2
+"""So many checkpoints stay: there is one whatever happens to the other."""
 DTYPES = ("<f8", "<i8", "<i4", "|b1", "|u1")
 """Those of arrays that a checkpoint can hold."""
-BEGUN = ".begun.part"
-"""Name of the file, beside the others, that is written and then gets its name."""
-_PLAIN = frozenset((type(None), bool, int, str))
+CHUNK_BYTES = 2**22
+"""So much of a journal is read at once."""
+_HEAD = b"ps_fmu checkpoint 2 %08x\n"
+_ARRAY = 1
+_NAME = re.compile(r"row-(\d{1,18})\.msgpack")
+_BEGUN = ".begun.part"  # the file that is written and then gets its name
 
 
-def write_file(path: Path, tree: Mapping[str, State], *, over: bool = False) -> None:
-    """Write a checkpoint so that ``path`` is complete or not there.  Raises OSError; nothing is left then.
-
-    With ``over`` the file :data:`BEGUN` is there, and is written over: that takes two thirds of the time of a new one.
-    """
-    arrays: list[NDArray[Any]] = []
-    content = _encode(tree, arrays)
-    entries, offset = [], 0
-    for array in arrays:
-        entries.append({"dtype": array.dtype.str, "size": array.size, "offset": offset})
-        offset += array.nbytes
-    head = json.dumps({"format": FORMAT, "arrays": entries, "content": content}, allow_nan=False)
-    begun = path.with_name(BEGUN)
+def write_file(path: Path, tree: Mapping[str, State]) -> None:
+    """Write a checkpoint so that ``path`` is complete or not there.  Raises OSError; nothing is left then."""
+    content = msgspec.msgpack.encode(tree, enc_hook=_encode)
+    begun = path.with_name(_BEGUN)
     try:
-        if not over:
-            begun.unlink(missing_ok=True)
-        with begun.open("r+b" if over else "xb") as file:
-            with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED) as archive:
-                archive.writestr(zipfile.ZipInfo(HEAD), head)  # without the time: one state, the same bytes
-                with archive.open(zipfile.ZipInfo(ARRAYS), "w", force_zip64=True) as member:
-                    for array in arrays:
-                        for part in _list_parts(array):
-                            member.write(part.view(np.uint8).data)
-            file.truncate()  # behind what was longer
+        begun.unlink(missing_ok=True)  # it may be a link to anywhere
+        with begun.open("xb") as file:
+            file.write(_HEAD % zlib.crc32(content))
+            file.write(content)
+            file.flush()
             os.fsync(file.fileno())
         begun.replace(path)
     except BaseException:
@@ -69,24 +59,17 @@ def write_file(path: Path, tree: Mapping[str, State], *, over: bool = False) -> 
 def read_file(path: Path) -> dict[str, State]:
     """The state in a checkpoint.  Raises :class:`CheckpointError` for a file that is none, or is damaged."""
     try:
-        with zipfile.ZipFile(path) as archive:
-            head, data = _read_member(archive, HEAD, MOST_HEAD_BYTES), _read_member(archive, ARRAYS, None)
-        document = json.loads(head)
-        if not isinstance(document, dict) or document.get("format") != FORMAT:
-            found = document.get("format") if isinstance(document, dict) else None
-            raise ValueError(f"expected the format {FORMAT}, found {found!r}")
-        arrays = _read_arrays(document["arrays"], data)
-        content = _decode(document["content"], arrays)
-        if not isinstance(content, dict):
+        head, _, content = path.read_bytes().partition(b"\n")
+        if head + b"\n" != _HEAD % zlib.crc32(content):
+            raise ValueError("its format is another one, or its checksum does not fit")
+        tree = msgspec.msgpack.decode(content, ext_hook=_decode)
+        if not isinstance(tree, dict):
             raise ValueError("its content is no set of named values")
     except OSError as error:
         raise CheckpointError(f"{path}: cannot be read: {error.strerror or error}") from error
-    except (
-        zipfile.BadZipFile, ValueError, KeyError, TypeError, IndexError, RecursionError, MemoryError,
-        NotImplementedError, RuntimeError, OverflowError, EOFError, struct.error,
-    ) as error:  # fmt: skip
+    except (ValueError, TypeError, OverflowError, RecursionError, MemoryError) as error:
         raise DamagedCheckpointError(path, f"is no checkpoint, or a damaged one: {error}") from error
-    return content
+    return tree
 
 
 def sync_folder(folder: Path) -> None:
@@ -101,101 +84,171 @@ def sync_folder(folder: Path) -> None:
         os.close(handle)
 
 
-def _encode(value: State, arrays: list[NDArray[Any]]) -> Any:
-    kind = type(value)
-    if kind in _PLAIN:
-        return value
-    if kind is float:
-        return value if math.isfinite(value) else {"$number": repr(value)}
-    if isinstance(value, np.ndarray):
-        columns = value.flags.f_contiguous and not value.flags.c_contiguous  # numpy sums in the order of the memory
-        array = value.T if columns else value
-        if array.dtype.str not in DTYPES:
-            array = array.astype(value.dtype.newbyteorder("<"))
-        if array.dtype.str not in DTYPES:
-            raise TypeError(f"a checkpoint holds no array of {value.dtype}")
-        arrays.append(array)
-        return {"$array": len(arrays) - 1, "shape": list(value.shape), "by_columns": columns}
-    if isinstance(value, bytes):
-        arrays.append(np.frombuffer(value, np.uint8))
-        return {"$bytes": len(arrays) - 1}
+def _encode(value: Any) -> Any:
+    """What MessagePack does not know."""
     if isinstance(value, np.generic):
-        return _encode(value.item(), arrays)
-    if isinstance(value, dict | Mapping):
-        if wrong := [name for name in value if not isinstance(name, str) or name.startswith("$")]:
-            raise TypeError(f"a checkpoint holds no entry named {wrong[0]!r}")
-        return {name: _encode(item, arrays) for name, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_encode(item, arrays) for item in value]
-    for plain in (str, int, float):
-        if isinstance(value, plain):
-            return _encode(plain(value), arrays)
-    raise TypeError(f"a checkpoint holds no {type(value).__name__}")
+        return value.item()
+    if isinstance(value, Mapping):
+        return dict(value)
+    if not isinstance(value, np.ndarray):
+        raise TypeError(f"a checkpoint holds no {type(value).__name__}")
+    columns = value.flags.f_contiguous and not value.flags.c_contiguous  # numpy sums in the order of the memory
+    dtype = value.dtype.newbyteorder("<")
+    if dtype.str not in DTYPES:
+        raise TypeError(f"a checkpoint holds no array of {value.dtype}")
+    content = value.astype(dtype, copy=False).tobytes("F" if columns else "C")
+    return msgspec.msgpack.Ext(_ARRAY, msgspec.msgpack.encode((dtype.str, value.shape, columns, content)))
 
 
-def _list_parts(array: NDArray[Any]) -> list[NDArray[Any]]:
-    """The numbers of an array in the order of the file; a few long rows with gaps between them are not copied."""
-    if array.ndim == 2 and len(array) < array.shape[1] and not array.flags.c_contiguous:
-        return [np.ascontiguousarray(row) for row in array]
-    return [np.ascontiguousarray(array).reshape(-1)]
+def _decode(code: int, data: memoryview) -> State:
+    if code != _ARRAY:
+        raise ValueError(f"an extension of type {code}")
+    dtype, shape, columns, content = msgspec.msgpack.decode(data, type=tuple[str, tuple[int, ...], bool, bytes])
+    if dtype not in DTYPES or min(shape, default=0) < 0:
+        raise ValueError(f"an array of {dtype!r} and the shape {shape}; expected one of {', '.join(DTYPES)}")
+    found = np.frombuffer(content, dtype).reshape(shape, order="F" if columns else "C")
+    return found.astype(found.dtype.newbyteorder("="))
 
 
-def _decode(value: Any, arrays: list[NDArray[Any] | None]) -> State:
-    if isinstance(value, list):
-        return [_decode(item, arrays) for item in value]
-    if not isinstance(value, dict):
-        return value
-    if "$array" in value:
-        shape = [_read_count(n) for n in value["shape"]]
-        return _take(arrays, value["$array"]).reshape(shape, order="F" if value["by_columns"] else "C")
-    if "$bytes" in value:
-        return _take(arrays, value["$bytes"]).tobytes()
-    if "$number" in value:
-        return float(value["$number"])
-    return {name: _decode(item, arrays) for name, item in value.items()}
+class CheckpointFolder:
+    """The checkpoints of a run by the number of their row, ``row-000000120000.msgpack``; journals, ``rows-0.bin``."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def write(self, index: int, tree: Mapping[str, State]) -> Path:
+        """Write a checkpoint; of those before, all but the last make room.  Raises OSError: they are there then."""
+        self.path.mkdir(parents=True, exist_ok=True)
+        path = self.path / f"row-{index:012d}.msgpack"
+        write_file(path, tree)
+        for old in self.list_files()[GENERATIONS:]:
+            old.unlink(missing_ok=True)
+        return path
+
+    def list_files(self) -> list[Path]:
+        """The files of checkpoints, the newest first."""
+        if not self.path.is_dir():
+            return []
+        found = {path: match for path in self.path.iterdir() if (match := _NAME.fullmatch(path.name))}
+        return sorted(found, key=lambda path: -int(found[path][1]))
+
+    def read(self) -> tuple[Path, dict[str, State]] | None:
+        """The newest checkpoint that is whole; None if there is none.
+
+        Raises :class:`CheckpointError` if all are damaged.
+        """
+        files = self.list_files()
+        for path in files:
+            try:
+                return path, read_file(path)
+            except CheckpointError as error:
+                if path == files[-1]:
+                    raise
+                log.warning("%s; the one before is taken", error)
+        return None
+
+    def open_journal(self, place: int, width: int, kept: Mapping[str, State] | None) -> Journal:
+        """The journal of the observer at a place, begun, or gone on with.  Raises :class:`CheckpointError`."""
+        self.path.mkdir(parents=True, exist_ok=True)
+        return Journal(self.path / f"rows-{place}.bin", width, kept)
+
+    def clear(self) -> None:
+        """Remove all checkpoints and journals, as of an earlier run."""
+        self._remove(self.list_files())
+
+    def leave_last(self) -> None:
+        """Remove what only a run that goes on needs: the journals and all checkpoints but the last."""
+        self._remove(self.list_files()[1:])
+
+    def _remove(self, files: list[Path]) -> None:
+        for path in [*files, *self.path.glob("rows-*.bin"), self.path / _BEGUN]:
+            path.unlink(missing_ok=True)
 
 
-def _read_member(archive: zipfile.ZipFile, name: str, most: int | None) -> bytes:
-    """A member, whose size is that in the file: what is compressed could be any size."""
-    info = archive.getinfo(name)
-    if info.compress_type != zipfile.ZIP_STORED or info.file_size != info.compress_size or info.flag_bits & 1:
-        raise ValueError(f"{name} is compressed or encrypted")
-    if most is not None and info.file_size > most:
-        raise ValueError(f"{name} has {info.file_size} bytes, expected {most} at most")
-    return archive.read(info)
+class Journal:
+    """Rows of ``width`` numbers in a file, written anew, or gone on with from what a checkpoint says of it.
+
+    A journal that cannot be written, as on a full disk, takes no more rows: the run goes on without checkpoints.
+
+    Raises :class:`CheckpointError`: the rows of the checkpoint are not there.
+    """
+
+    def __init__(self, path: Path, width: int, kept: Mapping[str, State] | None = None) -> None:
+        self.path, self.width = path, width
+        self.failure: OSError | None = None
+        """Why it takes no more rows."""
+        self.spent_s = 0.0
+        """Time that the rows have taken [s]."""
+        self._rows = self._sum = 0
+        try:
+            self._file = path.open("w+b" if kept is None else "r+b", buffering=0)
+            if kept is not None:
+                self._go_on(kept)
+        except OSError as error:
+            if isinstance(error, CheckpointError):
+                raise
+            if isinstance(error, FileNotFoundError):
+                raise self._make_damaged(f"rows of the checkpoint: {error.strerror}") from error
+            raise CheckpointError(f"{path}: rows of the checkpoint: {error.strerror or error}") from error
+
+    def append(self, rows: Array) -> None:
+        """Add rows (rows, width); once it is closed they are in no checkpoint, and left out."""
+        if self.failure is not None or self._file.closed:
+            return
+        began = perf_counter()
+        numbers = np.ascontiguousarray(rows, "<f8")
+        try:
+            left = memoryview(numbers.tobytes())
+            while left:
+                left = left[self._file.write(left) :]
+            self._rows += len(rows)
+            self._sum = _add(self._sum, numbers)
+        except OSError as error:
+            self.failure = error
+            log.warning("%s: %s: no more checkpoints are written", self.path, error.strerror or error)
+        self.spent_s += perf_counter() - began
+
+    def sync(self) -> dict[str, State]:
+        """Have all rows on the disk; what a checkpoint says of them.  Raises OSError."""
+        if self.failure is not None:
+            raise self.failure
+        os.fsync(self._file.fileno())
+        return {"width": self.width, "rows": self._rows, "sum": self._sum}
+
+    def read(self) -> Iterator[Array]:
+        """All rows so far, some thousand at a time.  Raises EOFError where the file ends before."""
+        left, at_once = self._rows, max(1, CHUNK_BYTES // (8 * self.width))
+        with self.path.open("rb") as file:
+            while left:
+                numbers = np.fromfile(file, "<f8", min(left, at_once) * self.width)
+                if numbers.size < min(left, at_once) * self.width:
+                    raise EOFError
+                left -= min(left, at_once)
+                yield numbers.reshape(-1, self.width)
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+    def _go_on(self, kept: Mapping[str, State]) -> None:
+        rows, width, checksum = (kept.get(name) for name in ("rows", "width", "sum"))
+        if width != self.width or type(rows) is not int or rows < 0:
+            raise CheckpointError(f"{self.path}: expected rows of {self.width} numbers, the checkpoint has {width!r}")
+        self._rows = rows
+        try:
+            for numbers in self.read():
+                self._sum = _add(self._sum, numbers)
+        except EOFError:
+            raise self._make_damaged(f"ends before the {rows} rows of the checkpoint") from None
+        if self._sum != checksum:
+            raise self._make_damaged(f"is damaged: the checksum of its {rows} rows does not fit")
+        self._file.truncate(8 * rows * width)
+        self._file.seek(0, os.SEEK_END)
+
+    def _make_damaged(self, what: str) -> CheckpointError:
+        return DamagedCheckpointError(self.path, f"{what}: the run cannot go on, begin it anew")
 
 
-def _take(arrays: list[NDArray[Any] | None], place: Any) -> NDArray[Any]:
-    """An array, once: a short file that names one a million times must not fill the memory."""
-    found, arrays[place] = arrays[_read_count(place)], None
-    if found is None:
-        raise ValueError(f"array {place} is there twice")
-    return found
-
-
-def _read_arrays(entries: Any, data: bytes) -> list[NDArray[Any] | None]:
-    """The arrays, which lie one behind the other, so that all have the size of the file together."""
-    arrays: list[NDArray[Any] | None] = []
-    end = 0
-    for entry in entries:
-        if entry["offset"] != end:
-            raise ValueError(f"an array begins at {entry['offset']!r}, the one before it ends at {end}")
-        array = _read_array(entry, data)
-        end += array.nbytes
-        arrays.append(array)
-    return arrays
-
-
-def _read_array(entry: Any, data: bytes) -> NDArray[Any]:
-    if entry["dtype"] not in DTYPES:
-        raise ValueError(f"an array of {entry['dtype']!r}; expected one of {', '.join(DTYPES)}")
-    dtype, size, offset = np.dtype(entry["dtype"]), _read_count(entry["size"]), _read_count(entry["offset"])
-    if offset + size * dtype.itemsize > len(data):
-        raise ValueError(f"an array ends behind the end of {ARRAYS}")
-    return np.frombuffer(data, dtype, size, offset).astype(dtype.newbyteorder("="))
-
-
-def _read_count(value: Any) -> int:
-    if type(value) is not int or not 0 <= value < 2**48:
-        raise ValueError(f"expected a whole number from 0 on, found {value!r}")
-    return value
+def _add(checksum: int, numbers: Array) -> int:
+    """The sum of all words modulo 2^64: a seventh of the time of a CRC-32, and another one for another run."""
+    return (checksum + int(numbers.view("<u8").sum())) % 2**64

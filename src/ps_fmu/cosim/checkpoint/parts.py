@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 
 from ... import __version__
-from ..assembly import Assembly
 from ..errors import UsageError
 from ..graph import Wiring
 from ..rows import Column
 from ..schemes.making import plan_steps
 from ..schemes.scheme import Scheme
 from ..structure import PortName, System
+from ..wires import Assembly
 from .state import CheckpointError, State
 
 _ABILITIES = {"canGetAndSetFMUstate": "gives no state", "canSerializeFMUstate": "gives its state in memory only"}

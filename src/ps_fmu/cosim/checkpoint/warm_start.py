@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 from fmpy.model_description import ModelDescription
 
-from ..assembly import Assembly
 from ..description import DISCRETE_TYPES, convert_value, explain_unsettable, find_variable, read_start
 from ..errors import UsageError
 from ..graph import Wiring
@@ -19,8 +18,8 @@ from ..schemes.resolving import find_period
 from ..schemes.scheme import Scheme
 from ..structure import PortName, System
 from ..values import Value
-from .files import read_file, write_file
-from .folder import CheckpointFolder
+from ..wires import Assembly
+from .files import CheckpointFolder, read_file, write_file
 from .parts import (
     find_difference,
     find_port,

@@ -18,11 +18,9 @@ from ..schemes.scheme import Scheme
 from ..structure import PortName, System
 from ..values import Value
 from . import effects
-from .acted import ActedFault, identify, list_acted
-from .binding import BoundFaults, Fault, bind_faults
-from .effects import Effect, EffectGroup
+from .binding import ActedFault, BoundFaults, Fault, bind_faults, identify, list_acted
+from .effects import Effect, EffectGroup, Samples
 from .reading import BIAS, DELAY, DROPOUT, NOISE, OVERRIDE, SCALE, FaultFile
-from .samples import Samples
 
 Memories = list[tuple[Effect, Array]]
 _BASES = {"Real": float, "Integer": int, "Enumeration": int, "Boolean": bool, "String": str}

@@ -1,8 +1,8 @@
 """The process of one isolated FMU: carries out the calls of the pipe here, and those of steps in C (``guest.c``).
 
 It is run as a file, ``python -I guest.py LIBRARY PIPE MEMORY BYTES MASTER SPIN``, so that it imports little, and
-nothing else of the package: 30 ms instead of 300.  LIBRARY is the compiled :data:`.program.ISOLATION`, PIPE and MEMORY
-are descriptors.
+nothing else of the package: 30 ms instead of 300.  LIBRARY is ``isolation`` of
+:mod:`ps_fmu.native`, PIPE and MEMORY are descriptors.
 
 A call in the pipe is the name of a function of FMI and its arguments without the instance, see :func:`pack`; the answer
 has what the call has left in each of them, None for a number.

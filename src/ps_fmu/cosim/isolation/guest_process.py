@@ -13,19 +13,30 @@ import threading
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from ctypes import POINTER, Structure, c_char, c_char_p, c_double, c_int, c_int32, c_int64, c_uint32, c_uint64, c_void_p
+from ctypes import (
+    POINTER,
+    Structure,
+    c_char,
+    c_char_p,
+    c_double,
+    c_int,
+    c_int32,
+    c_int64,
+    c_uint32,
+    c_uint64,
+    c_void_p,
+)
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
 
-from fmpy import platform
 from fmpy.fmi2 import fmi2CallbackFunctions
 
+from ...native import find_compiled, find_platform
 from ...terminal import escape_controls
 from ..errors import CosimError, UsageError
 from .guest import STEP_FUNCTIONS, decode, encode, find_memory, pack, write
-from .program import ISOLATION
 
 DATA_BYTES = 16 << 20
 """Memory for the values of one step; only what is used takes space."""
@@ -96,13 +107,13 @@ def find_library() -> Path:
 
     Raises :class:`UsageError` where there is none for this platform, :class:`CosimError` if it is damaged or missing.
     """
+    platform = find_platform()
+    if platform != "linux64" or not hasattr(os, "memfd_create"):
+        raise UsageError(f"isolation: FMUs can have processes of their own on 64-bit Linux only, this is {platform}")
     try:
-        path = ISOLATION.find_whole(platform)
+        return find_compiled("isolation")
     except OSError as error:
         raise CosimError(f"isolation: {error}") from error
-    if path is None or not hasattr(os, "memfd_create"):
-        raise UsageError(f"isolation: FMUs can have processes of their own on 64-bit Linux only, this is {platform}")
-    return path
 
 
 @cache

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+import time as wall_clock
 from collections.abc import Callable, Sequence
 from typing import Protocol, runtime_checkable
 
@@ -12,6 +13,9 @@ import numpy as np
 from ..clock import StepClock
 from ..errors import SlaveError
 from ..rows import Array, Column, Rows
+
+EARLY_S = 1.0
+"""Rows of an unfinished block are stored, too, when no block has come for so long [s]."""
 
 
 class Observer(Protocol):
@@ -50,11 +54,8 @@ class Delivery:
 
     Parameters
     ----------
-    count_rows: how many rows of the block are complete, at any time.
+    count_rows: how many rows of the block are complete, at any time, also while steps are run.
     """
-
-    failed_at: int | None = None
-    """Last row of the block in which an observer failed, where the loop has gone on since."""
 
     def __init__(
         self,
@@ -67,36 +68,37 @@ class Delivery:
         self.rows, self._clock, self._count_rows = rows, clock, count_rows
         self._columns = columns
         self._observers = [(one, _get_limit(one)) for one in observers]
+        self._storing = [one for one in observers if isinstance(one, EarlyObserver)]
+        self._last = wall_clock.perf_counter()
 
     def hand_over(self) -> None:
         """Give away the complete rows; a new block begins.  Raises what :meth:`serve` returns."""
+        self._last = wall_clock.perf_counter()
         if failure := self._serve_rows():
             raise failure
 
-    def call(self, function: Callable[[], None]) -> None:
-        """Call a function when the observers have all that was handed over, and nothing more."""
-        function()
-
-    def wait(self) -> None:
-        """Return when the observers have all that was handed over.  Raises what :meth:`serve` returns."""
+    def hand_over_early(self) -> None:
+        """Give the rows of the block to those who store them, if the last block is long ago: FMUs are slow, or hang."""
+        if not self._storing or wall_clock.perf_counter() - self._last < EARLY_S:
+            return
+        first, values = self.rows.first_index, self.rows.copy(self.rows.filled)
+        values = values[: count_finite(values)]
+        for observer in self._storing:
+            observer.early(first, self._clock.times(first, len(values)), values)
+        self._last = wall_clock.perf_counter()
 
     def conclude(self, error: BaseException) -> None:
         """Give away the complete rows and raise: ``error``, the reason why the run ends early, or a stronger one."""
         raise self._serve_rows(error) or error
 
-    def close(self) -> None:
-        """Free what the delivery holds; nothing is handed over any longer."""
-
     def store(self) -> None:
         """Give away the rows that are complete, also while steps are run, and have all be stored: the process ends."""
-        self.close()
         self.rows.filled = self._count_rows()
         self._serve_rows()
         end = self.rows.first_index
-        storing = [observer for observer, _ in self._observers if isinstance(observer, EarlyObserver)]
-        for observer in storing:
+        for observer in self._storing:
             observer.early(end, np.empty(0), np.empty((0, len(self._columns))))
-        if storing:
+        if self._storing:
             print(f"the rows up to t = {self._clock.time(end - 1):.9g} s are stored", file=sys.stderr, flush=True)
 
     def _serve_rows(self, error: BaseException | None = None) -> BaseException | None:

@@ -12,9 +12,8 @@ from ..fmu_instance import FmuInstance
 from ..graph import Wiring
 from ..rows import Array
 from ..structure import PortName, Value
-from .derivatives import Link, derive
 from .scheme import Iteration
-from .solver import InterfaceSolver, NotConverged
+from .solver import InterfaceSolver, Link, NotConverged, derive
 
 log = logging.getLogger("ps_fmu.cosim")
 

@@ -17,18 +17,16 @@ import numpy as np
 from ..checkpoint.state import Stateful
 from ..compiled import CompiledLoop
 from ..faults.effects import EffectGroup
-from ..fmu_instance import FmuInstance
+from ..fmu_instance import FmuInstance, keep_states, release_states
 from ..plan import Operation, Plan
 from ..rows import Array
 from ..stopwatch import Stopwatch
 from ..structure import PortName
 from ..wires import Wires
-from .derivatives import Link, derive, list_links
 from .history import InputHistory
 from .planning import Sequel, list_operations, make_sequel
 from .resolving import find_loops, find_period
-from .solver import InterfaceSolver, NotConverged
-from .states import keep_states, release_states
+from .solver import InterfaceSolver, Link, NotConverged, derive, list_links
 
 _MOST_TRIED = 6  # components of a loop of which all orders are tried
 

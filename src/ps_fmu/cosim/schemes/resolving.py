@@ -10,7 +10,7 @@ from math import lcm
 from fmpy.model_description import ModelDescription
 
 from ..errors import UsageError
-from ..strong_groups import find_strong_groups
+from ..graph import find_strong_groups
 from ..structure import System
 from ..substeps import find_obstacle
 from ..values import parse_real

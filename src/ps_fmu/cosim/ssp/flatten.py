@@ -12,8 +12,8 @@ from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 from ..errors import SystemFileError, UsageError
-from ..hops import End, Hop
 from ..structure import Component, Connection, Connector, Parameter, PortName, SystemInput, SystemOutput, suggest_names
+from ..values import End, Hop
 from .ssd import ComponentNode, Node, ReferenceNode, SystemNode, Wire
 
 Path = tuple[str, ...]

@@ -30,14 +30,14 @@ POINTS = 1500  # of the frequency grid while fitting: variances within 5e-4
 def weights(p: Parameters, *, active: bool, points: int | None = None) -> Array:
     """What turns a density into variances, (12, 6, 6), in the order of :data:`KEYS`.
 
-    See :func:`.jitter.variance_weights`.
+    See :func:`...theory.transmissibility.variance_weights`.
 
     Parameters
     ----------
     p: the original support module (OSM).
     """
-    from ...theory.jitter import variance_weights
     from ...theory.loop import loop_at
+    from ...theory.transmissibility import variance_weights
 
     loops = (loop_at(p, np.radians(orientation)) for orientation in ORIENTATIONS.values())
     return np.concatenate([variance_weights(loop, p.bus, p.noise.band, active=active, points=points) for loop in loops])

@@ -178,7 +178,7 @@ def write_parameters(path: Path, p: Parameters, origin: str) -> None:
 
 def write_start_values(path: Path, p: Parameters) -> None:
     """Write what differs from paper.toml as an SSV file for ``ps-fmu run --parameters``.  Raises OSError."""
-    from ...cosim.ssp.xml_parts import real_values_xml
+    from ...cosim.ssp.writing import real_values_xml
     from ...interface.parameter_sets import differences
 
     values = {name: float(value) for name, value in differences(p).items()}

@@ -133,8 +133,7 @@ def deviations(p: Parameters, places: Array) -> Array:
 
 def margins(p: Parameters) -> Array:
     """Fig 10 as :data:`KEYS` has it, (4,), Hz, Hz, Hz and deg; nan unless the curve crosses as often as there."""
-    from ...theory.loop import loop_at
-    from ...theory.margins import element_margins
+    from ...theory.loop import element_margins, loop_at
 
     found = element_margins(loop_at(p, delay=published_numbers()["text.delay"].value), BAND)
     if len(found.gain_crossings) != 2 or len(found.phase_crossings) != 1:
@@ -144,8 +143,7 @@ def margins(p: Parameters) -> Array:
 
 def peak(p: Parameters) -> float:
     """Largest gain of the element of the loop that Fig 10 shows, dB."""
-    from ...theory.loop import loop_at
-    from ...theory.margins import element_margins
+    from ...theory.loop import element_margins, loop_at
 
     return element_margins(loop_at(p, delay=published_numbers()["text.delay"].value), BAND).largest_gain_db
 

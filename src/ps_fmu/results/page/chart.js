@@ -10,8 +10,7 @@ class LineChart {
     this.link = link;
     this.packed = packed;
     this.curves = packed.curves.map((curve) => ({
-      label: curve.label,
-      colour: curve.colour,
+      ...curve,
       pyramid: new Pyramid(decode(curve.low), curve.high && decode(curve.high)),
     }));
     this.plotElement = make("div", { class: "plot" });
@@ -38,15 +37,27 @@ class LineChart {
         y: { distr: this.packed.logarithmic ? 3 : 1, range: (_, low, high) => this.pad(low, high) },
       },
       axes: [this.horizontal(), this.vertical()],
-      series: [{}, ...this.curves.flatMap((curve) => [line(curve.colour), line(curve.colour)])],
+      series: [{}, ...this.curves.flatMap((curve) => [line(curve), line(curve)])],
       bands: this.curves.map((curve, k) => ({
         series: [2 * k + 2, 2 * k + 1], fill: () => theme.faded(curve.colour, 0.6),
       })),
       hooks: {
+        drawClear: [(plot) => this.mark(plot)],
         setCursor: [(plot) => this.read(plot.cursor.idx)],
         setSelect: [(plot) => this.select(plot)],
       },
     };
+  }
+
+  /** Shade spans of the axis, and draw a line at places of it. */
+  mark(plot) {
+    const { ctx, bbox: { left, top, width, height } } = plot;
+    const at = (value) => Math.min(Math.max(plot.valToPos(value, "x", true), left), left + width);
+    for (const { spans, colour, opacity } of this.link.shaded) {
+      ctx.fillStyle = theme.faded(colour, opacity);
+      for (const [first, last] of spans) ctx.fillRect(at(first), top, at(last) - at(first), height);
+    }
+    for (const [label, value] of this.link.marked) drawLevel(plot, "x", value, "reference", label, 0);
   }
 
   horizontal() {
@@ -183,8 +194,12 @@ function longest(texts) {
   return Math.max(0, ...texts.map((text) => text.length));
 }
 
-function line(colour) {
-  return { stroke: () => theme.colour(colour), width: 1, points: { show: false } };
+/** How a curve is drawn. */
+function line({ colour, drawn }) {
+  const stroke = () => theme.colour(colour);
+  if (drawn === "dots") return { stroke, paths: () => null, points: { show: true, size: 4, fill: stroke } };
+  const paths = drawn === "steps" ? uPlot.paths.stepped({ align: 1 }) : undefined;
+  return { stroke, width: 1, dash: { dashed: [6, 4], dotted: [1, 3] }[drawn], paths, points: { show: false } };
 }
 
 function axisColours() {

@@ -28,7 +28,7 @@ _BLOCK = 20.0  # to begin a block, and to store its results
 
 
 class Words(ctypes.Structure):
-    """The structure ``Block`` in ``launcher/core.h``."""
+    """The structure ``Block`` in ``native/kernel/core.h``."""
 
     _fields_ = (
         ("row", c_int64), ("n_rows", c_int64), ("column", c_int64), ("n_columns", c_int64), ("number", c_int64),

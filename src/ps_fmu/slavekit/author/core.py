@@ -1,7 +1,8 @@
 """The words of one instance that Python and C share: what a plain step is, and when the next one is plain.
 
 Each of these facts is kept here alone, whoever makes the steps: both read it here and write it here.  The launcher
-learns the address when the instance is made (``Values.get_string``); what the words mean is in ``launcher/core.h``.
+learns the address when the instance is made (``Values.get_string``); what the words mean is in
+``native/kernel/core.h``.
 """
 
 from __future__ import annotations
@@ -17,9 +18,8 @@ from numpy.typing import NDArray
 
 from ...numerics.library import find_library
 from .blocks import Matrix
-from .buffer import Array, allocate_aligned
-from .instructions import DELAY, Instruction, find_address, find_spans, write_words
-from .layout import BufferLayout
+from .buffer import Array, BufferLayout, allocate_aligned
+from .instructions import Instruction, Kind, find_address, find_spans, write_words
 
 REFERENCE = 2**31 - 1
 """Value reference of a String that no description lists: the address of the core."""
@@ -58,7 +58,7 @@ result, in ``work``, or of an element; or an element has found that an event is 
 
 
 class MapWords(ctypes.Structure):
-    """The structure ``Map`` in ``launcher/core.h``."""
+    """The structure ``Map`` in ``native/kernel/core.h``."""
 
     _fields_ = (
         ("source", c_void_p), ("target", c_void_p), ("work", c_void_p), ("n_target", c_int64), ("n_blocks", c_int64),
@@ -92,7 +92,7 @@ class Map:
 
 
 class Core(ctypes.Structure):
-    """The structure of the same name in ``launcher/core.h``, and the arrays that it points to.
+    """The structure of the same name in ``native/kernel/core.h``, and the arrays that it points to.
 
     Made by :func:`make_core`.  An array is exchanged by a method, which keeps the new one alive.
     """
@@ -192,7 +192,7 @@ class Core(ctypes.Structure):
         written = {place for element in self.elements.every for place in element.list_writes()}
         written |= set(range((row - first) // 8, (row - first) // 8 + self.n_row))
         spans = find_spans([place for place in written if place not in kept_as_target])
-        rings = [element.n + 1 for element in self.elements.every if element.kind == DELAY]
+        rings = [element.n + 1 for element in self.elements.every if element.kind == Kind.DELAY]
         room = np.zeros((len(spans) + len(rings) + 1, 2), dtype=np.int64)
         self._point(spans=spans, kept_spans=room)
         self._point(kept_values=np.zeros(int(spans[:, 1].sum()) + sum(rings) + self.n_target))

@@ -7,7 +7,9 @@ of whichever came first.  Inside an FMU the package therefore has another name, 
 from __future__ import annotations
 
 import ast
+import hashlib
 import importlib.util
+import json
 import pkgutil
 import re
 import sys
@@ -15,18 +17,15 @@ from collections.abc import Callable, Collection, Iterable, Iterator
 from functools import lru_cache
 from pathlib import Path, PurePosixPath
 
-from ...compiled_files import read_whole
+from ...native import RECORD, list_platforms, read_compiled
+from .errors import BuildError
 
 _DOTTED_NAME = re.compile(r"[A-Za-z_]\w*(\.\w+)*", re.ASCII)
 _DATA = (".toml", ".csv", ".json", ".license")
-_PLATFORMS = ("linux64", "aarch64-linux", "win64")
+_NATIVE = PurePosixPath("ps_fmu", "native")
 LIBRARIES = (".so", ".dll")
 
 Files = dict[PurePosixPath, bytes]
-
-
-class SourceError(RuntimeError):
-    """Python sources that cannot be packaged; the text says which line and what to do."""
 
 
 @lru_cache(maxsize=1024)  # the FMUs of a folder have most of their modules in common: 2 s less for eight
@@ -40,12 +39,12 @@ def find_imports(source: str | bytes, name: str, package: str, optional: bool = 
     package: the package it is in, to resolve relative imports; ``""`` for a script.
     optional: also those that may fail: in ``try`` with handlers, and in ``if TYPE_CHECKING``.
 
-    Raises SourceError for what is no Python.
+    Raises BuildError for what is no Python.
     """
     try:
         tree = ast.parse(source, filename=name)
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
-        raise SourceError(f"{name}: this is no Python that can be read here: {error or type(error).__name__}") from None
+        raise BuildError(f"{name}: this is no Python that can be read here: {error or type(error).__name__}") from None
     found: set[str] = set()
     for node in _walk(tree, optional):
         if isinstance(node, ast.Import):
@@ -57,7 +56,7 @@ def find_imports(source: str | bytes, name: str, package: str, optional: bool = 
                     module = importlib.util.resolve_name("." * node.level + module, package)
                 except ImportError:
                     text = "a relative import leads out of the package: import the module by its name"
-                    raise SourceError(f"{name}:{node.lineno}: {text}") from None
+                    raise BuildError(f"{name}:{node.lineno}: {text}") from None
             found |= {module} | {f"{module}.{alias.name}" for alias in node.names}
     return frozenset(found)
 
@@ -70,8 +69,8 @@ def collect_modules(script: Path, roots: dict[str, Path], hollow: Collection[str
 def collect_imported(modules: Iterable[str], roots: dict[str, Path], hollow: Collection[str] = ()) -> Files:
     """Some modules and those that they import of some packages, directly or not, and the data files beside them.
 
-    A package whose ``__init__.py`` calls ``pkgutil.iter_modules`` is taken with all its modules, and each with the
-    compiled libraries in its folders ``linux64``, ``win64`` and so on.
+    A package whose ``__init__.py`` calls ``pkgutil.iter_modules`` is taken with all its modules; with
+    ``ps_fmu.native`` comes the library that modules in an FMU load.
 
     Parameters
     ----------
@@ -84,7 +83,7 @@ def collect_imported(modules: Iterable[str], roots: dict[str, Path], hollow: Col
     -------
     Files: ``package/sub/module.py`` -> content.
 
-    Raises OSError for a library that is not the one which the record beside its sources has.
+    Raises OSError for a library that is not the recorded one.
     """
     files: Files = {}
     waiting = sorted(modules)
@@ -105,9 +104,22 @@ def collect_imported(modules: Iterable[str], roots: dict[str, Path], hollow: Col
             if path.name == "__init__.py":
                 if _lists_its_modules(source, str(arcname)):
                     waiting += [f"{package}.{found.name}" for found in pkgutil.iter_modules([str(path.parent)])]
-                for data in _list_data(path.parent):
-                    files[arcname.parent / data.relative_to(path.parent).as_posix()] = _read_data(data)
+                for data in sorted(path.parent.iterdir()):
+                    if data.is_file() and data.suffix in _DATA:
+                        files[arcname.parent / data.name] = data.read_bytes()
+    if _NATIVE / "__init__.py" in files:
+        files |= {_NATIVE / name: content for name, content in _read_library("numerics").items()}
     return files
+
+
+def _read_library(name: str) -> dict[str, bytes]:
+    """A library for all platforms, and the record of it alone: an FMU does not change with the others."""
+    files, made = {}, {}
+    for platform in list_platforms(name):
+        file, content = read_compiled(name, platform)
+        files[f"{platform}/{file}"] = content
+        made[platform] = {file: hashlib.sha256(content).hexdigest()}
+    return files | {RECORD: json.dumps({"made": made}, indent=2).encode() + b"\n"}
 
 
 def _lists_its_modules(source: str, name: str) -> bool:
@@ -134,7 +146,7 @@ def find_needed_modules(script: str, files: Files) -> list[str]:
     script: name of the module that everything starts from.
     files: Python sources and others, by their place below a folder in which imports are looked up.
 
-    Raises SourceError for a source that is not Python.
+    Raises BuildError for a source that is not Python.
     """
     needed: set[str] = set()
     for place, content in _reach(script, files.get):
@@ -144,7 +156,7 @@ def find_needed_modules(script: str, files: Files) -> list[str]:
 
 
 def find_beside(script: Path) -> list[Path]:
-    """The modules and packages beside a script that it imports, directly or not.  Raises SourceError."""
+    """The modules and packages beside a script that it imports, directly or not.  Raises BuildError."""
 
     def read(name: PurePosixPath) -> bytes | None:
         path = script.parent / name
@@ -184,21 +196,6 @@ def _list_module_files(name: str, folder: Path) -> Iterator[Path]:
             return
 
 
-def _list_data(folder: Path) -> Iterator[Path]:
-    for path in sorted(folder.iterdir()):
-        if path.is_file() and path.suffix in _DATA:
-            yield path
-    for platform in _PLATFORMS:
-        yield from (path for path in sorted((folder / platform).glob("*")) if path.suffix in LIBRARIES)
-
-
-def _read_data(path: Path) -> bytes:
-    """The content; of a library with a record, as of ps_fmu.numerics, only if it is the recorded one."""
-    record = path.parents[1] / f"{path.stem}.json"
-    is_recorded = path.suffix in LIBRARIES and record.is_file()
-    return read_whole(record, path.parent.name) if is_recorded else path.read_bytes()
-
-
 def rename_imports(source: bytes, name: str, names: dict[str, str]) -> bytes:
     """A source whose absolute imports of some packages go to other names.
 
@@ -208,9 +205,7 @@ def rename_imports(source: bytes, name: str, names: dict[str, str]) -> bytes:
     name: what to call it in errors.
     names: top-level package -> new name, which may be dotted.
 
-    Raises
-    ------
-    SourceError: the source refers to such a package in a way that cannot be rewritten.
+    Raises BuildError where the source refers to such a package in a way that cannot be rewritten.
     """
     lines = source.decode().splitlines(keepends=True)
     for node in ast.walk(ast.parse(source, filename=name)):
@@ -219,9 +214,7 @@ def rename_imports(source: bytes, name: str, names: dict[str, str]) -> bytes:
         elif isinstance(node, ast.Import):
             for alias in node.names:
                 if _get_top(alias.name) in names:
-                    raise SourceError(
-                        f"{name}:{node.lineno}: 'import {alias.name}': write 'from ... import ...'"
-                    )
+                    raise BuildError(f"{name}:{node.lineno}: 'import {alias.name}': write 'from ... import ...'")
         elif (
             isinstance(node, ast.Constant)
             and isinstance(node.value, str)
@@ -229,12 +222,8 @@ def rename_imports(source: bytes, name: str, names: dict[str, str]) -> bytes:
             and _get_top(node.value) in names
         ):
             text = "looks like the name of a module, which has another name in an FMU"
-            raise SourceError(f"{name}:{node.lineno}: {node.value!r} {text}")
-    result = "".join(lines).encode()
-    for node in ast.walk(ast.parse(result, filename=name)):
-        if isinstance(node, ast.ImportFrom) and node.level == 0 and _get_top(node.module) in names:
-            raise SourceError(f"{name}:{node.lineno}: the import from {node.module} is left over")
-    return result
+            raise BuildError(f"{name}:{node.lineno}: {node.value!r} {text}")
+    return "".join(lines).encode()
 
 
 def _get_top(module: str | None) -> str:

@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...disturbance.kinds.noise import NoiseSettings
-from ...disturbance.kinds.tones import ToneSettings
-from ...disturbance.kinds.wheels import FORCE, TORQUE, WheelSettings, wheel_plane
+from ...disturbance.noise import NoiseSettings
 from ...disturbance.spectrum import to_origin
+from ...disturbance.tones import ToneSettings
+from ...disturbance.wheels import FORCE, TORQUE, WheelSettings, wheel_plane
 from ...mechanism.quantities import Array, Complex
 from ...pointing.budget import Source
 from ...theory.transfer_matrices import place_frequencies

@@ -20,13 +20,11 @@ from ...mechanism.parameters import load
 from ...mechanism.quantities import Array, Complex, ParameterError, take_values
 from ...mechanism.signals import OUTPUTS
 from ...pointing.modal import ModalResponse, StateSpace
-from ...sensors.defaults import default_sensors
-from ...sensors.inertial import InertialSensors
+from ...sensors.inertial import InertialSensors, default_sensors
 from ...sensors.line_of_sight import DEFAULT_TRACKER, Tracker
-from ...theory.line_of_sight import Timing
+from ...theory.line_of_sight import SampledPointing, Timing, close_loop
 from ...theory.loop import Loop, loop_of
-from ...theory.sampled_line_of_sight import SampledPointing, close_loop
-from ...theory.sampled_system import (
+from ...theory.sampled import (
     FORCES,
     WRENCH,
     Block,

@@ -1,6 +1,6 @@
 """The pointing indices of the isolation scenario in closed form, at one orientation, passive and active.
 
-Noise, plant, isolator and exchange as the FMUs compute them: :mod:`...theory.stepped` from the wrench to the outputs,
+Noise, plant, isolator and exchange as the FMUs compute them: :mod:`...theory.sampled` from the wrench to the outputs,
 the exact density of the noise, and the indices of sampled data.
 """
 
@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from ...disturbance import multisine_lines, psd_at_origin
-from ...disturbance.density import gaussian_density
+from ...disturbance.spectrum import gaussian_density
 from ...mechanism.parameters import Array, Parameters
 from ...mechanism.signals import output_slices
 from ...pointing import (
@@ -26,7 +26,7 @@ from ...pointing import (
     Smear,
 )
 from ...theory.loop import loop_at
-from ...theory.stepped import SteppedLoop, step_loop
+from ...theory.sampled import SteppedLoop, step_loop
 from ...theory.transfer_matrices import place_frequencies
 
 STEP = 1e-4  # s, of communication

@@ -15,7 +15,7 @@ from ...mechanism.parameters import Array
 from ...mechanism.quantities import Complex
 from ...results.observers.sampler import SampleObserver
 from ...results.observers.statistics import Statistics
-from ...sensors.defaults import default_sensors
+from ...sensors.inertial import default_sensors
 from ...theory.sensed_isolation import SensedIsolation, line_of_sight
 from .results import MICRO_G, STEP, Trade
 

@@ -12,8 +12,7 @@ from ...control.pointing import PointingFilter, PointingLaw
 from ...cosim import Value, read_parameters
 from ...mechanism.parameters import Array, load
 from ...mechanism.quantities import replace_values
-from ...sensors.defaults import default_sensors
-from ...sensors.inertial import InertialSensors
+from ...sensors.inertial import InertialSensors, default_sensors
 from ...sensors.line_of_sight import DEFAULT_TRACKER
 from ...theory.line_of_sight import Timing
 from ...theory.loop import loop_at

@@ -16,7 +16,7 @@ from ....results.tables import Table
 from ....runs.run import Run
 from ....runs.scenario import Scenario
 from ....scenarios.shaking import Shaking
-from ....theory.margins import Margins
+from ....theory.loop import Margins
 from ...bus_cases import CASES, SUSPENSION
 from ...cosimulation import hold_run
 from ...published import make_finding, published_numbers

@@ -21,8 +21,7 @@ from ....analyses.system import load_built_system
 from ....cosim import System, Value
 from ....pointing.response import Response
 from ....scenarios.shaking import Shaking, measure_response
-from ....theory.loop import loop_at
-from ....theory.margins import Margins, margins
+from ....theory.loop import Margins, loop_at, margins
 from ....theory.sampled import loop_sampled
 from ....theory.transfer_matrices import Complex
 from ...agreement import coherent_lines

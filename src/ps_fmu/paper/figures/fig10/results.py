@@ -11,10 +11,8 @@ from scipy.optimize import minimize_scalar
 
 from ....mechanism.parameters import Array
 from ....pointing.poles import rightmost
-from ....theory.loop import Loop, delay_limit_by_bisection, loop_at
-from ....theory.margins import Margins, element_margins
+from ....theory.loop import Loop, Margins, controller_system, delay_limit_by_bisection, element_margins, loop_at
 from ....theory.small_gain import largest_singular_value, nominal_loop_poles
-from ....theory.state_space import controller_system
 from ....theory.transfer_matrices import Complex, place_frequencies
 from ...bus_cases import SUSPENSION, assemble_nominal, load_case, mobile_base_factors, small_gain_curves
 

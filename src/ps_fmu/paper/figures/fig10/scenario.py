@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ....disturbance.kinds.recording import HEADER as RECORDING
+from ....disturbance.recording import HEADER as RECORDING
 from ....interface.parameter_sets import build_plant_and_isolator
 from ....mechanism.parameters import Array
 from ....results.report import Picture, draw_pictures

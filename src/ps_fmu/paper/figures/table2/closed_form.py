@@ -13,8 +13,8 @@ import numpy as np
 
 from ....mechanism.parameters import Array, Parameters, load
 from ....pointing.rejection import rejection_percent
-from ....theory.jitter import Jitter, jitter
 from ....theory.loop import loop_at
+from ....theory.transmissibility import Jitter, jitter
 from ...published import published_numbers
 
 LOOP_DELAY = 1.5  # steps: the exchange takes one, and a force that is held for a step is late by half a step

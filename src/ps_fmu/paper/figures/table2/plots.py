@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from ....results.observers.scatter import Scatter
-    from ....theory.jitter import Jitter
+    from ....theory.transmissibility import Jitter
 
 DEVIATIONS = ((1.0, "-"), (3.0, "--"))  # standard deviations of the ellipses, and their lines
 

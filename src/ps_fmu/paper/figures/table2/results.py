@@ -11,8 +11,8 @@ from ....disturbance import multisine_lines, psd_at_origin
 from ....mechanism.parameters import Array, Parameters
 from ....pointing.rejection import rejection_percent
 from ....scenarios.comparison import Comparison
-from ....theory.jitter import Jitter, jitter, jitter_density, jitter_of_lines
 from ....theory.loop import loop_at
+from ....theory.transmissibility import Jitter, jitter, jitter_density, jitter_of_lines
 from .closed_form import LOOP_DELAY, ORIENTATIONS, closed_form
 from .scenario import Measurement
 

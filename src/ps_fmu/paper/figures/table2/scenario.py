@@ -18,7 +18,7 @@ import numpy as np
 
 from ....interface.parameter_sets import list_departures
 from ....mechanism.parameters import Array
-from ....results import plots
+from ....results.figures import draw_table
 from ....results.report import Picture
 from ....results.tables import Table, format_number
 from ....runs.publish import Findings
@@ -29,7 +29,6 @@ from ....scenarios.comparison import (
     HEADER,
     Comparison,
     compare,
-    draw_comparison,
     explain_refusal,
     make_rows,
 )
@@ -111,11 +110,8 @@ def find(run: Run) -> Findings:
 
     def draw(folder: Path) -> list[Picture]:
         path = folder / "table2.png"
-        plots.draw_table(path, table.header, table.rows, title="Table 2: published and co-simulated")
-        pictures = [Picture(path, "Published and co-simulated values.")]
-        for comparison in found.values():
-            pictures += draw_comparison(comparison, folder, _prefix(comparison.target_deg))
-        return pictures
+        draw_table(path, table.header, table.rows, title="Table 2: published and co-simulated")
+        return [Picture(path, "Published and co-simulated values.")]
 
     nominal = found[NOMINAL]
     return Findings(
@@ -134,7 +130,7 @@ def find(run: Run) -> Findings:
             "orientations": [_entry(name, comparison) for name, comparison in found.items()],
         },
         draw=draw,
-        explore=partial(explore_comparisons, list(found.values()), measured.system),
+        explore=partial(explore_comparisons, {_prefix(c.target_deg): c for c in found.values()}, measured.system),
         refused="\n".join(refused),
     )
 

@@ -1,0 +1,152 @@
+#include "../processor.h"
+#include "elements.h"
+#include "kernel.h"
+
+#include <stddef.h>
+#include <string.h>
+
+/* No fused multiply-add: each operation rounds.  (gcc with -std=c99 makes none.) */
+#ifdef __clang__
+#pragma STDC FP_CONTRACT OFF
+#endif
+
+/* Whether a number is 0 or -0, by its bits: a comparison of doubles takes more instructions. */
+static inline bool is_zero(const double *number)
+{
+    uint64_t bits;
+    memcpy(&bits, number, sizeof bits);
+    return bits << 1 == 0;
+}
+
+#define INSTRUCTIONS
+#define WIDTH 2
+#include "product.h"
+
+#ifdef __x86_64__ /* elsewhere, the vectors of two that every processor has */
+#define INSTRUCTIONS __attribute__((target("avx2")))
+#define WIDTH 4
+#include "product.h"
+
+#define INSTRUCTIONS __attribute__((target("avx512f")))
+#define WIDTH 8
+#include "product.h"
+#endif
+
+static const Arithmetic arithmetics[] = {
+    [SSE2] = {"sse2", product2, map2},
+#ifdef __x86_64__
+    [AVX2] = {"avx2", product4, map4},
+    [AVX512] = {"avx512", product8, map8},
+#endif
+};
+
+static int best; /* the last of them that can be used */
+
+__attribute__((constructor)) static void look_at_processor(void)
+{
+    best = find_instructions();
+}
+
+/* Clamp results to their limits. */
+static void hold(Core *core)
+{
+    double *results = core->target;
+    bool met = false;
+    for (int64_t i = 0; i < core->n_limited; i++) {
+        double w = results[i];
+        if (w < core->lower[i] || w > core->upper[i]) {
+            results[i] = w < core->lower[i] ? core->lower[i] : core->upper[i];
+            met = true;
+        }
+    }
+    if (met && core->limit_flag >= 0)
+        results[core->limit_flag] = 1.0;
+}
+
+/* The next row of the table; NULL: none is left. */
+static const double *next_row(const Core *core, int64_t width)
+{
+    int64_t row = core->count - core->block;
+    return row < 0 || row >= core->n_rows ? NULL : core->table + row * width;
+}
+
+/* Copy the next row of the table.  False, and nothing is written: none is left, or a number is not finite. */
+static bool copy_row(const Core *core, double *target, int64_t width)
+{
+    const double *row = next_row(core, width);
+    if (row == NULL || !are_finite(row, width))
+        return false;
+    copy(target, row, width);
+    return true;
+}
+
+/* The results, into `target`.  False: a map is not finite, and those before it have written theirs. */
+static bool compute(Core *core, const Arithmetic *by)
+{
+    if (core->plain == CORE_TABLE)
+        return copy_row(core, core->target, core->n_target);
+    for (const Map *map = core->maps; map < core->maps + core->n_maps; map++) {
+        if (!by->map(map))
+            return false;
+        copy(map->target, map->work, map->n_target);
+    }
+    return core->plain == CORE_MAP;
+}
+
+/* The row of the table and the elements before the map. */
+static bool prepare(Run *run)
+{
+    Core *core = run->core;
+    if (core->n_row > 0 && !copy_row(core, core->row, core->n_row))
+        return false;
+    if (!run_elements(run, core->before, core->n_before))
+        return false;
+    if (run->due && core->watching) {
+        core->pending = CORE_FOUND_DUE;
+        return false;
+    }
+    run->due = false;
+    return true;
+}
+
+/* The maps and the elements after them. */
+static bool finish(Run *run)
+{
+    Core *core = run->core;
+    return compute(core, run->by) && run_elements(run, core->after, core->n_after);
+}
+
+static bool step(Core *core, const Arithmetic *by)
+{
+    if (core->plain == CORE_NOTHING)
+        return false;
+    Run run = {core, core->data, by, core->kept_spans, core->kept_values, false};
+    if (core->n_maps > 1 || core->n_after > 0) /* else a map that is not finite has written nothing */
+        run_keep(&run, core->target - core->data, core->n_target);
+    for (const Span *span = core->spans; span < core->spans + core->n_spans; span++)
+        run_keep(&run, span->place, span->n);
+    if (!prepare(&run) || !finish(&run)) {
+        run_undo(&run);
+        return false;
+    }
+    if (core->n_limited > 0)
+        hold(core);
+    if (run.due)
+        core->pending = CORE_DUE;
+    return true;
+}
+
+bool kernel_step(Core *core)
+{
+    return step(core, &arithmetics[best]);
+}
+
+int ps_fmu_step_by(const char *instructions, Core *core)
+{
+    if (*instructions == '\0')
+        return kernel_step(core);
+    for (int i = 0; i <= best; i++)
+        if (strcmp(instructions, arithmetics[i].name) == 0)
+            return step(core, &arithmetics[i]);
+    return -1;
+}
