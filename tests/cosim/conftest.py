@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import shutil
-import zipfile
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import pytest
 from pythonfmu.builder import FmuBuilder
+from support import archives
 from support.cosim import OSCILLATOR, Collect, ssd_text
 from support.linear import Coupled, make_oscillator
 from support.relays import make_relay
@@ -94,17 +94,7 @@ def rewrite(tmp_path: Path) -> Callable[[Path, Mapping[str, str]], Path]:
     def change(fmu: Path, replacements: Mapping[str, str]) -> Path:
         folder = tmp_path / "rewritten"
         folder.mkdir(exist_ok=True)
-        with zipfile.ZipFile(fmu) as source, zipfile.ZipFile(folder / fmu.name, "w") as target:
-            for name in source.namelist():
-                data = source.read(name)
-                if name == "modelDescription.xml":
-                    text = data.decode()
-                    for old, new in replacements.items():
-                        assert old in text
-                        text = text.replace(old, new)
-                    data = text.encode()
-                target.writestr(name, data)
-        return folder / fmu.name
+        return archives.rewrite(fmu, folder, archives.replace(archives.DESCRIPTION, dict(replacements)))
 
     return change
 
