@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cosim import UsageError, Value
-from ..pointing.rejection import rejection_percent
+from ..pointing.spectra import rejection_percent
 from ..results.tables import Table, format_angles, format_number
 from ..runs.cases import Case, Outcome, run_case
 from ..runs.index_record import PROBABILITIES, WINDOW_S, IndexLog

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from ..cosim.recording.decimate import PASS_BAND
-from ..pointing.rejection import rejection_percent
+from ..pointing.spectra import rejection_percent
 from ..results.observers.bins import Envelope
 from ..results.page.content import Axis, Chart, ChartGroup, Curve, Exploration, Spans, Still
 from ..results.tables import format_angles, format_tables

@@ -1,77 +1,122 @@
-"""Fig 10 and section 3.2.2: the internal loop with delay, in both readings, and which verdict survives."""
+"""Fig 10: the internal loop with delay, read in both ways, and as it answers a pulse; which verdict survives."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from functools import partial
 
 import numpy as np
 from tqdm import tqdm
 
 from ....analyses.finding import Finding
 from ....analyses.options import AnalysisOptions
-from ....analyses.result import AnalysisResult
-from ....results.report import draw_pictures
-from ....results.tables import Table
+from ....analyses.result import AnalysisResult, paint_pictures, tabulate
+from ....results.tables import Table, format_number
+from ....runs.options import OptionError
+from ....runs.publish import Findings
 from ....runs.run import Run
-from ....runs.scenario import Scenario
+from ....runs.scenario import SCENARIOS, Scenario
+from ....runs.setup import RunSystem
 from ....scenarios.shaking import Shaking
-from ....theory.loop import Margins
+from ....theory.loop import Loop, Margins
 from ...bus_cases import CASES, SUSPENSION
 from ...cosimulation import hold_run
-from ...published import make_finding, published_numbers
-from . import SCENARIO
+from ...published import make_finding
+from .closed_form import BAND, LONGEST, WIDE, LoopVerdict, judge, least_gain_ratio_db
 from .open_loop import SHAKING, OpenLoop, measure_open_loops
-from .plots import DRAWN, distance_beyond, draw_bode, draw_nyquist, draw_sensitivity
-from .pulse_response import PulseResponse
-from .results import BAND, LONGEST, WIDE, LoopVerdict, judge, least_gain_ratio_db
-from .scenario import HOW, load_shaken_system, measure, response_pictures, response_table, verdict
+from .plots import (
+    DRAWN,
+    distance_beyond,
+    explore_responses,
+    paint_bode,
+    paint_nyquist,
+    paint_sensitivity,
+    response_pictures,
+)
+from .pulse import PulseResponse, list_cases, load_shaken_system, measure, paper_delay_s
 
+__all__ = ["analyse", "find", "list_cases"]
+
+SHORTEST_S = 3.0  # of a run: 5 Hz decays or grows visibly
+HOW = (
+    "A pulse of force and torque shakes the bus for 0.4 s; it has neither an impulse nor an offset, so that the bus "
+    "is left where it was. Then the free motion of the fine legs is split into its modes (eigensystem realisation). "
+    "The table shows the mode between 2 and 20 Hz that decays most slowly, or grows. Predicted: the same pole of "
+    "the closed loop with the delay, and the communication step that the exchange takes."
+)
 ARRAYS = (0.2, SUSPENSION[0])  # Hz: modes of the bus
 BEYOND = (SUSPENSION[1], 1000.0)  # Hz
 
 
-def analyse(options: AnalysisOptions, scenario: Scenario = SCENARIO, shaking: Shaking = SHAKING) -> AnalysisResult:
+def find(run: Run) -> Findings:
+    """Run all cases; the poles found in their motion."""
+    options = run.options
+    if options.duration_s < SHORTEST_S:
+        raise OptionError(f"--duration: poles need {SHORTEST_S:g} s at least, got {options.duration_s:g} s")
+    system = load_shaken_system(run)
+    responses = measure(system, options)
+    table = response_table(responses)
+    text = [HOW, *verdict(responses), *_unpredicted_text(system)]
+    return Findings(
+        title="Stability of the internal loop: time response",
+        printed="\n".join([table.to_text(), *text[1:]]),
+        text=text,
+        tables=[table],
+        outcomes=[r.outcome for r in responses],
+        orientation_deg=(0.0, 0.0, 0.0),
+        more={"responses": [r.entry for r in responses]},
+        draw=lambda folder: response_pictures(folder, responses),
+        explore=lambda _path: explore_responses(responses),
+    )
+
+
+def analyse(
+    options: AnalysisOptions, scenario: Scenario = SCENARIOS["stability"], shaking: Shaking = SHAKING
+) -> AnalysisResult:
     """Judge the four cases, measure their open loop and their time response on the FMUs, and draw them."""
-    delay = published_numbers()["text.delay"].value
+    delay = paper_delay_s()
     with hold_run(options, scenario) as run:
         responses = measure(load_shaken_system(Run(run)), run)
     opened = measure_open_loops(options, delay, shaking)
     bar = tqdm(CASES, unit="case", disable=not options.progress, desc="stability")
     verdicts = {case: judge(case, delay) for case in bar}
-    figures = (
-        (
-            "bode",
-            "Fig 10: element (1, 1) of the loop transfer matrix with the delay; dots: measured on the FMUs.",
-            partial(draw_bode, verdicts=verdicts, opened=opened),
-        ),
-        (
-            "nyquist",
-            "det(E - L) along the imaginary axis: stable if the curve does not go round the origin. Arrows: rising "
-            f"frequency. What is not drawn, above {DRAWN:g} Hz, stays within {distance_beyond(verdicts):.2f} of one.",
-            partial(draw_nyquist, verdicts=verdicts),
-        ),
-        (
-            "sensitivity",
-            "Sensitivity S of (48), and the small-gain condition (62) with T of (63) and its bound (64).",
-            partial(draw_sensitivity, verdicts=verdicts),
-        ),
-    )
-    pictures = draw_pictures(options.output, "stability", figures)
     return AnalysisResult(
         name="stability",
         title="Stability of the internal loop: Fig 10",
         text=paragraphs(verdicts, opened, responses),
         findings=findings(verdicts, opened, responses),
         tables=tables(verdicts, opened, responses),
-        pictures=[*pictures, *response_pictures(options.output, responses)],
+        pictures=[
+            *paint_pictures(
+                options.output,
+                "stability",
+                (
+                    "bode", "Fig 10: element (1, 1) of the loop transfer matrix with the delay; dots: measured on the "
+                    "FMUs.",
+                    (10.0, 8.0), paint_bode, verdicts, opened,
+                ),
+                (
+                    "nyquist",
+                    "det(E - L) along the imaginary axis: stable if the curve does not go round the origin. Arrows: "
+                    f"rising frequency. What is not drawn, above {DRAWN:g} Hz, stays within "
+                    f"{distance_beyond(verdicts):.2f} of one.",
+                    (13.0, 10.5), paint_nyquist, verdicts,
+                ),
+                (
+                    "sensitivity",
+                    "Sensitivity S of (48), and the small-gain condition (62) with T of (63) and its bound (64).",
+                    (10.0, 9.0), paint_sensitivity, verdicts,
+                ),
+            ),
+            *response_pictures(options.output, responses),
+        ],
         data={
             "delay_s": delay,
-            "cases": {case: _entry(v) for case, v in verdicts.items()},
+            "cases": {case: v.entry for case, v in verdicts.items()},
             "open_loop": {case: loop.entry for case, loop in opened.items()},
             "responses": [r.entry for r in responses],
         },
-    )
+    )  # fmt: skip
 
 
 def findings(
@@ -171,6 +216,38 @@ def _small_gain_text(verdicts: Mapping[str, LoopVerdict]) -> str:
     )
 
 
+def verdict(responses: Sequence[PulseResponse]) -> list[str]:
+    """Which cases are stable with the paper's delay, and what becomes of a longer one: sentences."""
+    delay_s = paper_delay_s()
+    active = [r for r in responses if r.enabled]
+    with_paper_delay = [r for r in active if r.delay_s == delay_s]
+    stable, unstable = (
+        ", ".join(r.case for r in with_paper_delay if r.stable is wanted) or "none" for wanted in (True, False)
+    )
+    said = [f"With the delay of {delay_s:g} s, stable: {stable}; unstable: {unstable}. The paper calls LSM unstable."]
+    for r in active:
+        if r.delay_s != delay_s:
+            said.append(
+                f"{limit_text(r.loop)}, with {1e3 * r.delay_s:g} ms, the motion of {r.case} "
+                f"{'decays' if r.stable else 'grows'}: {r.pole.real:+.3f} 1/s, predicted {r.predicted.real:+.3f} 1/s."
+            )
+    return said
+
+
+def _unpredicted_text(system: RunSystem) -> list[str]:
+    """What the system has and the prediction has not, as a sentence."""
+    found = [name for name in ("isolator.sample_time", "isolator.force_limit") if system.get_number(name)]
+    return [f"Not in the predictions: {', '.join(found)}."] if found else []
+
+
+def limit_text(loop: Loop) -> str:
+    """Whether the delay of a loop is beyond its limit: the start of a sentence."""
+    limit_s = loop.delay_limit
+    if math.isinf(limit_s):
+        return "Stable with any delay by theory"
+    return f"{'Beyond' if loop.delay > limit_s else 'Within'} the limit of {1e3 * limit_s:.1f} ms"
+
+
 def tables(
     verdicts: Mapping[str, LoopVerdict], opened: Mapping[str, OpenLoop], responses: Sequence[PulseResponse]
 ) -> list[Table]:
@@ -185,47 +262,39 @@ def tables(
 
 
 def _verdict_table(verdicts: Mapping[str, LoopVerdict]) -> Table:
-    header = (
-        "case", "unstable poles, about -1", "unstable poles, about +1", "slowest pole of the suspension (rad/s)",
-        "delay limit (ms)", "by bisection (ms)",
-    )  # fmt: skip
-    rows = [
+    return tabulate(
+        "The four cases with the paper's delay; the critical point of (48) is +1",
+        verdicts.values(),
         (
-            case,
-            f"{v.encirclements}",
-            f"{v.unstable_poles}",
-            _complex_text(v.rightmost),
-            _milliseconds_text(v.delay_limit),
-            _milliseconds_text(v.bisected, f"none to {1e3 * LONGEST:g}"),
-        )
-        for case, v in verdicts.items()
-    ]
-    return Table("The four cases with the paper's delay; the critical point of (48) is +1", header, rows)
+            ("case", lambda v: v.case),
+            ("unstable poles, about -1", lambda v: f"{v.encirclements}"),
+            ("unstable poles, about +1", lambda v: f"{v.unstable_poles}"),
+            ("slowest pole of the suspension (rad/s)", lambda v: _complex_text(v.rightmost)),
+            ("delay limit (ms)", lambda v: _milliseconds_text(v.delay_limit)),
+            ("by bisection (ms)", lambda v: _milliseconds_text(v.bisected, f"none to {1e3 * LONGEST:g}")),
+        ),
+    )
 
 
 def _gain_table(verdicts: Mapping[str, LoopVerdict]) -> Table:
-    header = (
-        "case", f"gain of L11, {_band_text(BAND)} (dB)", f"{_band_text(WIDE)} (dB)", "at (Hz)", "sigma(S)", "at (Hz)",
-        "sigma(T) |Delta|", "at (Hz)", "with bound (64)", "(62) holds", "v (41)", "estimate (42)",
-    )  # fmt: skip
-    rows = [
+    return tabulate(
+        f"Largest values over frequency; without a band: {_band_text(WIDE)}",
+        verdicts.values(),
         (
-            case,
-            f"{v.margins.largest_gain_db:.2f}",
-            f"{v.wide.largest_gain_db:.2f}",
-            f"{v.wide.largest_gain_at:.2f}",
-            f"{v.sensitivity.value:.3f}",
-            f"{v.sensitivity.at:.2f}",
-            f"{v.small_gain.value:.3f}",
-            f"{v.small_gain.at:.2f}",
-            f"{v.small_gain_bound.value:.3f}",
-            "yes" if v.small_gain.value < 1.0 else "no",
-            f"{v.mobile_base_factor:.4f}",
-            f"{v.mobile_base_estimate:.4f}",
-        )
-        for case, v in verdicts.items()
-    ]
-    return Table(f"Largest values over frequency; without a band: {_band_text(WIDE)}", header, rows)
+            ("case", lambda v: v.case),
+            (f"gain of L11, {_band_text(BAND)} (dB)", lambda v: f"{v.margins.largest_gain_db:.2f}"),
+            (f"{_band_text(WIDE)} (dB)", lambda v: f"{v.wide.largest_gain_db:.2f}"),
+            ("at (Hz)", lambda v: f"{v.wide.largest_gain_at:.2f}"),
+            ("sigma(S)", lambda v: f"{v.sensitivity.value:.3f}"),
+            ("at (Hz)", lambda v: f"{v.sensitivity.at:.2f}"),
+            ("sigma(T) |Delta|", lambda v: f"{v.small_gain.value:.3f}"),
+            ("at (Hz)", lambda v: f"{v.small_gain.at:.2f}"),
+            ("with bound (64)", lambda v: f"{v.small_gain_bound.value:.3f}"),
+            ("(62) holds", lambda v: "yes" if v.small_gain.value < 1.0 else "no"),
+            ("v (41)", lambda v: f"{v.mobile_base_factor:.4f}"),
+            ("estimate (42)", lambda v: f"{v.mobile_base_estimate:.4f}"),
+        ),
+    )
 
 
 def _pole_table(verdicts: Mapping[str, LoopVerdict]) -> Table:
@@ -254,25 +323,40 @@ def _oscillating_poles(v: LoopVerdict, band: tuple[float, float]) -> list[comple
 
 
 def _open_loop_table(opened: Mapping[str, OpenLoop]) -> Table:
-    header = (
-        "case", "lines", "lowest coherence", "deviation of the gain (dB)", "of the phase (deg)", "largest gain (dB)",
-        "at (Hz)",
-    )  # fmt: skip
-    rows = [
-        (
-            case,
-            f"{loop.checked.sum()}",
-            f"{loop.response.coherence.min():.6f}",
-            f"{loop.deviation[0]:.4f}",
-            f"{loop.deviation[1]:.3f}",
-            f"{loop.margins.largest_gain_db:.2f}",
-            f"{loop.margins.largest_gain_at:.2f}",
-        )
-        for case, loop in opened.items()
-    ]
     f = next(iter(opened.values())).response.frequency
-    caption = f"L11 on the FMUs with the loop open, {f[0]:.3g} to {f[-1]:.3g} Hz, against the closed form with the step"
-    return Table(caption, header, rows)
+    return tabulate(
+        f"L11 on the FMUs with the loop open, {f[0]:.3g} to {f[-1]:.3g} Hz, against the closed form with the step",
+        opened.items(),
+        (
+            ("case", lambda of: of[0]),
+            ("lines", lambda of: f"{of[1].checked.sum()}"),
+            ("lowest coherence", lambda of: f"{of[1].response.coherence.min():.6f}"),
+            ("deviation of the gain (dB)", lambda of: f"{of[1].deviation[0]:.4f}"),
+            ("of the phase (deg)", lambda of: f"{of[1].deviation[1]:.3f}"),
+            ("largest gain (dB)", lambda of: f"{of[1].margins.largest_gain_db:.2f}"),
+            ("at (Hz)", lambda of: f"{of[1].margins.largest_gain_at:.2f}"),
+        ),
+    )
+
+
+def response_table(responses: Sequence[PulseResponse]) -> Table:
+    """Poles found in the motion beside those predicted."""
+    return tabulate(
+        "Free motion after a pulse: slowest pole of the fine legs' suspension",
+        responses,
+        (
+            ("case", lambda r: r.case),
+            ("isolator", lambda r: "on" if r.enabled else "off"),
+            ("delay (ms)", lambda r: f"{1e3 * r.delay_s:g}" if r.enabled else "-"),
+            ("pole in the motion (1/s)", lambda r: f"{r.pole.real:+.4f}"),
+            ("(Hz)", lambda r: f"{r.pole.imag / (2.0 * math.pi):.4f}"),
+            ("predicted (1/s)", lambda r: f"{r.predicted.real:+.4f}"),
+            ("(Hz)", lambda r: f"{r.predicted.imag / (2.0 * math.pi):.4f}"),
+            ("last second over first", lambda r: format_number(r.growth, ".2e")),
+            ("stable", lambda r: "yes" if r.stable else "no"),
+            ("payload RMS (rad)", lambda r: f"{r.rms:.3e}"),
+        ),
+    )
 
 
 def _band_text(band: tuple[float, float]) -> str:
@@ -285,28 +369,3 @@ def _complex_text(value: complex) -> str:
 
 def _milliseconds_text(delay: float, none: str = "none") -> str:
     return none if np.isinf(delay) else f"{1e3 * delay:.2f}"
-
-
-def _entry(v: LoopVerdict) -> dict[str, object]:
-    return {
-        "largest_gain_db": v.wide.largest_gain_db,
-        "largest_gain_at_hz": v.wide.largest_gain_at,
-        "largest_gain_1_to_30_hz_db": v.margins.largest_gain_db,
-        "gain_crossings_hz": v.margins.gain_crossings,
-        "phase_crossings_hz": v.margins.phase_crossings,
-        "phase_margin_deg": v.margins.phase_margin,
-        "unstable_poles_of_open_loop": v.open_loop_poles,
-        "unstable_poles_about_minus_one": v.encirclements,
-        "unstable_poles": v.unstable_poles,
-        "rightmost_pole_rad_s": [v.rightmost.real, v.rightmost.imag],
-        "poles_rad_s": [[pole.real, pole.imag] for pole in v.poles if pole.imag >= 0.0],
-        "delay_limit_s": v.delay_limit,  # null: stable with any delay
-        "delay_limit_by_bisection_s": v.bisected,
-        "mobile_base_factor": v.mobile_base_factor,
-        "mobile_base_estimate": v.mobile_base_estimate,
-        "small_gain": v.small_gain.value,  # stability is certain below one
-        "small_gain_at_hz": v.small_gain.at,
-        "small_gain_by_bound": v.small_gain_bound.value,
-        "largest_sensitivity": v.sensitivity.value,
-        "largest_sensitivity_at_hz": v.sensitivity.at,
-    }

@@ -3,25 +3,39 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from tqdm import tqdm
 
 from ...analyses.options import SYSTEM, AnalysisOptions
-from ...analyses.result import AnalysisResult
+from ...analyses.result import AnalysisResult, paint_pictures
 from ...analyses.system import load_default_system
 from ...pointing import PointingIndex
-from ...results.report import draw_pictures
-from ...results.style import AXES, REFERENCE, draw
+from ...results.style import AXES, REFERENCE
 from ...results.tables import Table
-from .closed_form import APART, ORIENTATIONS, SIGNALS, list_indices
-from .measured import JOINT, SETTLING, Comparison, list_cases, measure, share_held
+from .comparison import (
+    APART,
+    JOINT,
+    ORIENTATIONS,
+    SETTLING,
+    SIGNALS,
+    Comparison,
+    list_cases,
+    list_indices,
+    measure,
+    share_held,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 DURATION = 400.0  # s, of each run after the settling
 MICRO = 1e6  # urad in a rad
+CAPTION = (
+    "RMS of each index on the FMUs over closed form, with intervals of 95 % (thick) and of all together (thin)."
+)
 
 
 def analyse(
@@ -38,17 +52,14 @@ def analyse(
     system = load_default_system(options, SYSTEM)
     with tqdm(total=len(list_cases()), unit="run", desc="indices", disable=not options.progress) as bar:
         compared = measure(system, indices, duration, options.seed, points, bar.update)
-    figure = (
-        "intervals",
-        "RMS of each index on the FMUs over closed form, with intervals of 95 % (thick) and of all together (thin).",
-        partial(draw_comparisons, compared=compared),
-    )
     return AnalysisResult(
         name="indices",
         title="Pointing indices: the FMUs beside the closed form",
         text=describe(compared, duration),
         tables=[_make_summary(compared), *(_make_table(compared, *case) for case in list_cases())],
-        pictures=draw_pictures(options.output, "indices", (figure,)),
+        pictures=paint_pictures(
+            options.output, "indices", ("intervals", CAPTION, (16.0, 15.0), paint_comparisons, compared)
+        ),
         data=_make_entry(compared, duration),
     )
 
@@ -142,37 +153,29 @@ def _make_entry(compared: Sequence[Comparison], duration: float) -> dict[str, ob
     }  # fmt: skip
 
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
 _SHOWN = dict(zip(SIGNALS[:3], zip(AXES, (-0.22, 0.0, 0.22), strict=True), strict=True))  # colour and place in a row
 
 _RANGE = (0.6, 1.6)  # of the ratio: intervals of slow indices go on beyond it
 
 
-def draw_comparisons(path: Path, compared: Sequence[Comparison]) -> None:
+def paint_comparisons(figure: Figure, compared: Sequence[Comparison]) -> None:
     """A panel for each orientation, passive above and active below; x, y, z of the payload side by side."""
     names = list(dict.fromkeys(each.index for each in compared))
-
-    def paint(figure: Figure) -> None:
-        panels = figure.subplots(2, len(ORIENTATIONS), sharex=True, sharey=True)
-        for row, active in zip(panels, (False, True), strict=True):
-            for axes, (name, angles) in zip(row, ORIENTATIONS.items(), strict=True):
-                own = [each for each in compared if (each.orientation, each.active) == (name, active)]
-                _paint(axes, own, names)
-                mode = "active" if active else "passive"
-                axes.set_title("{}: ({:g}, {:g}, {:g})\N{DEGREE SIGN}".format(mode, *angles))
-        panels[0, 0].set_yticks(np.arange(len(names)), names)
-        panels[0, 0].invert_yaxis()
-        panels[0, 0].set_xlim(*_RANGE)
-        for axes in panels[1]:
-            axes.set_xlabel("RMS on the FMUs over closed form")
-        handles = panels[0, 0].get_legend_handles_labels()
-        figure.legend(*handles, loc="outside lower center", ncols=len(_SHOWN), title="payload rotation about")
-        figure.suptitle("Pointing indices: FMUs over closed form, intervals of 95 % (thick) and of all together (thin)")
-
-    draw(path, 16.0, 15.0, paint)
+    panels = figure.subplots(2, len(ORIENTATIONS), sharex=True, sharey=True)
+    for row, active in zip(panels, (False, True), strict=True):
+        for axes, (name, angles) in zip(row, ORIENTATIONS.items(), strict=True):
+            own = [each for each in compared if (each.orientation, each.active) == (name, active)]
+            _paint(axes, own, names)
+            mode = "active" if active else "passive"
+            axes.set_title("{}: ({:g}, {:g}, {:g})\N{DEGREE SIGN}".format(mode, *angles))
+    panels[0, 0].set_yticks(np.arange(len(names)), names)
+    panels[0, 0].invert_yaxis()
+    panels[0, 0].set_xlim(*_RANGE)
+    for axes in panels[1]:
+        axes.set_xlabel("RMS on the FMUs over closed form")
+    handles = panels[0, 0].get_legend_handles_labels()
+    figure.legend(*handles, loc="outside lower center", ncols=len(_SHOWN), title="payload rotation about")
+    figure.suptitle("Pointing indices: FMUs over closed form, intervals of 95 % (thick) and of all together (thin)")
 
 
 def _paint(axes: Axes, own: Sequence[Comparison], names: Sequence[str]) -> None:

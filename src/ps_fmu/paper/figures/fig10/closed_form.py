@@ -10,7 +10,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from ....mechanism.parameters import Array
-from ....pointing.poles import rightmost
+from ....pointing.response import rightmost
 from ....theory.loop import Loop, Margins, controller_system, delay_limit_by_bisection, element_margins, loop_at
 from ....theory.small_gain import largest_singular_value, nominal_loop_poles
 from ....theory.transfer_matrices import Complex, place_frequencies
@@ -27,8 +27,7 @@ class Peak:
     """The largest value over frequency."""
 
     value: float
-    at: float
-    """Hz."""
+    at: float  # Hz
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,33 +40,50 @@ class LoopVerdict:
     """Of element (1, 1), read against -1 as the paper does, in :data:`BAND`."""
     wide: Margins
     """The same over :data:`WIDE`."""
-    open_loop_poles: int
-    """Poles of plant and isolator in the right half-plane."""
+    open_loop_poles: int  # poles of plant and isolator in the right half-plane
     encirclements: int
     """Poles in the right half-plane if the critical point were -1: what the paper's reading of the whole loop says."""
-    unstable_poles: int
-    """By the argument principle about +1: what equation (48) says."""
+    unstable_poles: int  # by the argument principle about +1: what equation (48) says
     poles: Complex
     """Of the closed loop, those to the right first, rad/s; see :meth:`.Loop.poles`."""
-    delay_limit: float
-    """s, infinite if stable with any delay."""
-    bisected: float
-    """The same by bisection of the number of unstable poles."""
-    mobile_base_factor: float
-    """v of (41)."""
-    mobile_base_estimate: float
-    """Its estimate (42)."""
-    small_gain: Peak
-    """sigma(T) |Delta| of (62) for the delay alone; stability is certain below one."""
-    small_gain_bound: Peak
-    """The same with the bound (64) for sigma(T)."""
-    sensitivity: Peak
-    """Largest singular value of S of the practical loop."""
+    delay_limit: float  # s, infinite if stable with any delay
+    bisected: float  # the same by bisection of the number of unstable poles
+    mobile_base_factor: float  # v of (41)
+    mobile_base_estimate: float  # its estimate (42)
+    small_gain: Peak  # sigma(T) |Delta| of (62) for the delay alone; stability is certain below one
+    small_gain_bound: Peak  # the same with the bound (64) for sigma(T)
+    sensitivity: Peak  # largest singular value of S of the practical loop
 
     @property
     def rightmost(self) -> complex:
         """Pole farthest to the right of those of the fine legs' suspension, 2 to 20 Hz, rad/s."""
         return rightmost(self.poles, SUSPENSION)
+
+    @property
+    def entry(self) -> dict[str, object]:
+        """For the JSON file."""
+        return {
+            "largest_gain_db": self.wide.largest_gain_db,
+            "largest_gain_at_hz": self.wide.largest_gain_at,
+            "largest_gain_1_to_30_hz_db": self.margins.largest_gain_db,
+            "gain_crossings_hz": self.margins.gain_crossings,
+            "phase_crossings_hz": self.margins.phase_crossings,
+            "phase_margin_deg": self.margins.phase_margin,
+            "unstable_poles_of_open_loop": self.open_loop_poles,
+            "unstable_poles_about_minus_one": self.encirclements,
+            "unstable_poles": self.unstable_poles,
+            "rightmost_pole_rad_s": [self.rightmost.real, self.rightmost.imag],
+            "poles_rad_s": [[pole.real, pole.imag] for pole in self.poles if pole.imag >= 0.0],
+            "delay_limit_s": self.delay_limit,  # null: stable with any delay
+            "delay_limit_by_bisection_s": self.bisected,
+            "mobile_base_factor": self.mobile_base_factor,
+            "mobile_base_estimate": self.mobile_base_estimate,
+            "small_gain": self.small_gain.value,  # stability is certain below one
+            "small_gain_at_hz": self.small_gain.at,
+            "small_gain_by_bound": self.small_gain_bound.value,
+            "largest_sensitivity": self.sensitivity.value,
+            "largest_sensitivity_at_hz": self.sensitivity.at,
+        }
 
 
 @cache
