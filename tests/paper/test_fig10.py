@@ -9,7 +9,6 @@ from types import SimpleNamespace
 import netCDF4
 import numpy as np
 import pytest
-from ps_fmu.runs.execute import run_scenario
 
 from ps_fmu.analyses.table import AnalysisOptions
 from ps_fmu.cosim import read_parameters, read_system
