@@ -154,7 +154,6 @@ def _make_error(columns: Sequence[Column], row: Array, time: float) -> SlaveErro
         f"{component}: not a finite number at t = {time:.9g} s: {named}; the rows before are kept",
         component=component,
         function="fmi2GetReal",
-        status=None,
         time=time,
         variables=bad,
     )
