@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from support.published import jitter_run
 
-from ps_fmu.analyses.finding import Finding
+from ps_fmu.analyses.result import Finding
 from ps_fmu.analyses.table import AnalysisOptions
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.paper import overview

@@ -16,10 +16,9 @@ from ps_fmu.mechanism.parameters import load
 from ps_fmu.paper.bus_cases import CASES, case_start_values, load_case
 from ps_fmu.paper.figures.fig10 import pulse, report
 from ps_fmu.paper.figures.fig10.closed_form import judge
-from ps_fmu.paper.figures.fig10.open_loop import MOVED, SHAKEN, SHAKING, OpenLoop, cut_loop
 from ps_fmu.paper.figures.fig10.plots import explore_responses
-from ps_fmu.paper.figures.fig10.pulse import PULSE_S
 from ps_fmu.paper.figures.fig10.report import analyse
+from ps_fmu.paper.figures.fig10.runs import MOVED, PULSE_S, SHAKEN, SHAKING, OpenLoop, cut_loop
 from ps_fmu.paper.published import published_numbers
 from ps_fmu.pointing.response import Response
 from ps_fmu.runs.execute import run_scenario
