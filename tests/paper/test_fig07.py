@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from ps_fmu.analyses.table import AnalysisOptions
-from ps_fmu.mechanism.inverse_kinematics import inverse_kinematics
+from ps_fmu.mechanism.inverse_kinematics import inverse_kinematics, reachable, stroke_margin
 from ps_fmu.mechanism.parameters import load
-from ps_fmu.mechanism.reachability import reachable, stroke_margin
 from ps_fmu.paper.figures.fig07 import report as trajectories
 from ps_fmu.paper.figures.fig07 import runs
 from ps_fmu.paper.figures.fig07.report import LIMITS, analyse, explore_paths, extremes

@@ -26,7 +26,7 @@ from ....analyses.system import load_built_system
 from ....analyses.table import AnalysisOptions
 from ....cosim import System, Value
 from ....disturbance.recording import HEADER as RECORDING
-from ....interface.parameter_sets import build_plant_and_isolator
+from ....interface.start_values import build_plant_and_isolator
 from ....mechanism.parameters import Array
 from ....pointing.response import Response, rightmost, slowest_mode
 from ....runs.cases import Case, Outcome, run_case

@@ -21,7 +21,7 @@ from ....pointing.spectra import rejection_percent
 from ....results.tables import format_number
 from ....runs.run import Run
 from ....runs.setup import MULTISINE, RunSystem
-from ....scenarios.comparison import CASES, Comparison, compare
+from ....scenarios.comparison import CASES, Comparison, compare, run_cases
 from ....theory.loop import loop_at
 from ....theory.transmissibility import Jitter, jitter, jitter_density, jitter_of_lines
 from .closed_form import LOOP_DELAY, ORIENTATIONS, closed_form
@@ -67,14 +67,18 @@ def measure(run: Run, *, explored: bool = False) -> Measurement:
     lead_steps = math.ceil(lead_s / options.step_s - 1e-6)
     found = {
         name: compare(
-            system,
-            options,
-            np.radians(target_deg),
-            lead_steps=lead_steps,
-            prefix=name_orientation(target_deg),
-            explored=explored and name == NOMINAL,
+            target,
+            run_cases(
+                system,
+                options,
+                target,
+                lead_steps=lead_steps,
+                prefix=name_orientation(target_deg),
+                explored=explored and name == NOMINAL,
+            ),
         )
         for name, target_deg in ORIENTATIONS.items()
+        for target in (np.radians(target_deg),)
     }
     return Measurement(system, found, lead_steps * options.step_s, options.duration_s)
 
