@@ -14,7 +14,7 @@ from support.models import COMPONENTS, FMUS, MODELS
 from ps_fmu.cli import main
 from ps_fmu.cosim import Master, System, read_parameters, read_system
 from ps_fmu.cosim.description import index_variables, read_descriptions, read_start
-from ps_fmu.cosim.ssp.parameters import real_values_xml
+from ps_fmu.cosim.ssp.writing import real_values_xml
 from ps_fmu.cosim.structure import Component
 from ps_fmu.interface.agreement import APART
 from ps_fmu.interface.instrument_file import BuildError, find_physics, import_slave
