@@ -10,9 +10,15 @@ from numpy.typing import NDArray
 
 from ps_fmu.interface.ports import make_parameter_ports, refuse_parameters
 from ps_fmu.mechanism.quantities import take_values
-from ps_fmu.sensors.defaults import default_sensors
-from ps_fmu.sensors.geometry import PRODUCTS
-from ps_fmu.sensors.inertial import ACCELEROMETERS, CHANNELS, ESTIMATES, N_STATES, ChannelNoise
+from ps_fmu.sensors.inertial import (
+    ACCELEROMETERS,
+    CHANNELS,
+    ESTIMATES,
+    N_STATES,
+    PRODUCTS,
+    ChannelNoise,
+    default_sensors,
+)
 from ps_fmu.slavekit.author.ahead import RowParts
 from ps_fmu.slavekit.author.elements import (
     Clip,

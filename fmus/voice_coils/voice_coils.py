@@ -8,9 +8,8 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ps_fmu.actuators.driver_noise import WhiteNoise, sample_deviation
 from ps_fmu.actuators.stops import FEWEST_STEPS, STEPS_AHEAD
-from ps_fmu.actuators.voice_coil import Coils, discretise
+from ps_fmu.actuators.voice_coil import Coils, WhiteNoise, discretise, sample_deviation
 from ps_fmu.interface.ports import make_parameter_ports, refuse_parameters
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.mechanism.quantities import take_values

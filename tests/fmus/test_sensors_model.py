@@ -5,8 +5,7 @@ import pytest
 from support.models import Host, slave_class
 
 from ps_fmu.mechanism.quantities import replace_values
-from ps_fmu.sensors.defaults import default_sensors
-from ps_fmu.sensors.inertial import ACCELEROMETERS
+from ps_fmu.sensors.inertial import ACCELEROMETERS, default_sensors
 from ps_fmu.slavekit.author.slave import ModelError
 
 H = 1e-4  # s

@@ -130,7 +130,7 @@ def test_back_emf_damps_the_leg(bandwidth):
     driver = replace_values(DEFAULT, {"driver.bandwidth": bandwidth}).driver
     assert force == pytest.approx(-0.01 * 3.9**2 / discretise(DEFAULT.coil, driver, H).gain, rel=1e-9)
     if bandwidth < 1000.0:
-        assert force == pytest.approx(-0.01 * DEFAULT.coil.short_circuit_damping, rel=1e-9)
+        assert force == pytest.approx(-0.01 * DEFAULT.coil.force_constant**2 / DEFAULT.coil.resistance, rel=1e-9)
     compensated = run(make_host(**QUIET, fine_velocity_1=0.01), 100, "fine_force_1")
     assert np.abs(compensated).max() < 1e-12
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ps_fmu.actuators.driver_noise import WhiteNoise
+from ps_fmu.actuators.voice_coil import WhiteNoise
 from ps_fmu.disturbance.gaussian import GaussianNoise
 from ps_fmu.disturbance.sample_table import SampleTable
 from ps_fmu.disturbance.turning import SpeedProfile
@@ -23,8 +23,8 @@ from ps_fmu.mechanism.quantities import replace_values
 from ps_fmu.native import NotCompiledError
 from ps_fmu.numerics import library
 from ps_fmu.numerics.normal import make_words
-from ps_fmu.sensors.defaults import default_sensors
-from ps_fmu.sensors.normal import draw_normal
+from ps_fmu.sensors.errors import draw_normal
+from ps_fmu.sensors.inertial import default_sensors
 
 NOISE = load().noise
 FOUND = [library.find_library().numerics_find(name) for name in (b"sse2", b"avx2", b"avx512")]

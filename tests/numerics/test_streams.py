@@ -5,16 +5,15 @@ from itertools import combinations, product
 
 import numpy as np
 
-from ps_fmu.actuators import driver_noise
-from ps_fmu.actuators.driver_noise import WhiteNoise
+from ps_fmu.actuators import voice_coil
+from ps_fmu.actuators.voice_coil import WhiteNoise
 from ps_fmu.disturbance import gaussian, multisine
 from ps_fmu.disturbance.gaussian import GaussianNoise
 from ps_fmu.disturbance.multisine import Multisine
 from ps_fmu.numerics.normal import Stream, make_key, make_words, seed
-from ps_fmu.sensors import drift, line_of_sight, noise
+from ps_fmu.sensors import errors, line_of_sight
+from ps_fmu.sensors.errors import NoiseModel, SensorNoise
 from ps_fmu.sensors.line_of_sight import DEFAULT_TRACKER, TrackerNoise
-from ps_fmu.sensors.noise import SensorNoise
-from ps_fmu.sensors.noise_model import NoiseModel
 
 NUMBERS = range(3)
 
@@ -50,7 +49,7 @@ def test_components_with_equal_seeds_share_no_key(monkeypatch):
         given.append(make_key(stream, *numbers))
         return given[-1]
 
-    for module in (gaussian, multisine, driver_noise, line_of_sight, noise, drift):
+    for module in (gaussian, multisine, voice_coil, line_of_sight, errors):
         monkeypatch.setattr(module, "make_key", make)
     times, band = np.array([0.0, 1.0]), np.array([0.1, 300.0])
     GaussianNoise(np.eye(6), band, 1)(times)

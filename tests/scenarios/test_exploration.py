@@ -13,7 +13,7 @@ import pytest
 from support.reports import VERDICTS
 
 from ps_fmu.mechanism.parameters import load
-from ps_fmu.paper.figures.table2 import scenario as table2
+from ps_fmu.paper.figures.table2 import runs as table2_runs
 from ps_fmu.runs.execute import run_scenario
 from ps_fmu.runs.publish import NotMetError
 from ps_fmu.runs.setup import load_system
@@ -75,8 +75,8 @@ def test_the_report_of_isolation_shows_what_was_stored(make_options):
 
 def test_the_report_of_table2_shows_all_orientations_and_the_mechanism_at_the_first(make_options, monkeypatch):
     orientations = {"nominal": (0.0, 0.0, 0.0), "yaw": (0.0, 0.0, 14.0)}
-    monkeypatch.setattr(table2, "ORIENTATIONS", orientations)
-    monkeypatch.setattr(table2, "SETTLING_S", 0.0)
+    monkeypatch.setattr(table2_runs, "ORIENTATIONS", orientations)
+    monkeypatch.setattr(table2_runs, "SETTLING_S", 0.0)
     options = make_options("table2", 0.5, step_s=1e-3, storage_step_s=1e-3)
     run_scenario(options)
     data = read_data(options)

@@ -5,11 +5,17 @@ import pytest
 
 from ps_fmu.mechanism.discretisation import zero_order_hold
 from ps_fmu.mechanism.quantities import ParameterError, replace_values
-from ps_fmu.sensors.defaults import default_sensors
-from ps_fmu.sensors.geometry import PRODUCTS, centripetal_rows, estimator, geometry_rows
-from ps_fmu.sensors.inertial import ACCELEROMETERS, CHANNELS
-from ps_fmu.sensors.lowpass import SensorLowpass
-from ps_fmu.sensors.noise import SensorNoise
+from ps_fmu.sensors.errors import SensorNoise
+from ps_fmu.sensors.inertial import (
+    ACCELEROMETERS,
+    CHANNELS,
+    PRODUCTS,
+    centripetal_rows,
+    default_sensors,
+    estimator,
+    geometry_rows,
+)
+from ps_fmu.sensors.parameters import SensorLowpass
 
 
 def with_values(**changes):
@@ -131,11 +137,11 @@ def test_noise_of_the_estimate_goes_through_the_lever_arms():
 @pytest.mark.parametrize(
     ("name", "value", "text"),
     [
-        ("accelerometer.order", 3, "accelerometer.order: expected 1 or 2, got 3"),
+        ("accelerometer.order", 3, "accelerometer.order: must not be more than 2, got 3"),
         ("accelerometer.resolution", 2.0, "accelerometer.range: 1 is below the resolution, 2"),
         ("accelerometer_4.misalignment.x", 1.0, "accelerometer_4.misalignment: expected small angles"),
         ("rate_sensor_2.scale_factor_error", 2.0, "rate_sensor_2.scale_factor_error: must not be more than 0.5, got 2"),
-        ("seed", -1, "seed: expected a whole number, 0 or greater"),
+        ("seed", -1, "seed: must not be less than 0, got -1"),
     ],
 )
 def test_impossible_values_are_refused_by_name(name, value, text):

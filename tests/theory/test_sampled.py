@@ -19,7 +19,7 @@ from ps_fmu.mechanism.signals import N_INPUTS, N_OUTPUTS, output_slices
 from ps_fmu.numerics.normal import Stream, make_key
 from ps_fmu.pointing.modal import StateSpace
 from ps_fmu.product.files import find_product
-from ps_fmu.sensors.defaults import default_sensors
+from ps_fmu.sensors.inertial import default_sensors
 from ps_fmu.sensors.line_of_sight import DEFAULT_TRACKER
 from ps_fmu.theory.line_of_sight import PointingLoop, SampledPointing, Timing, close_loop
 from ps_fmu.theory.loop import Loop, loop_at, loop_of

@@ -8,7 +8,7 @@ import pytest
 from ps_fmu.control.pointing import PointingLaw
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.mechanism.quantities import replace_values
-from ps_fmu.sensors.defaults import default_sensors
+from ps_fmu.sensors.inertial import default_sensors
 from ps_fmu.theory.line_of_sight import PointingLoop, Timing
 from ps_fmu.theory.loop import loop_at
 from ps_fmu.theory.sensed_isolation import (

@@ -28,7 +28,7 @@ import numpy as np
 
 from ..mechanism.linear_model import Plant
 from ..mechanism.parameters import Parameters
-from ..mechanism.quantities import Array, Checked, quantity
+from ..mechanism.quantities import Checked, quantity
 
 #: The force is computed for a displacement so many steps ahead.
 STEPS_AHEAD = 1.5
@@ -58,15 +58,6 @@ class Stops(Checked):
     def active(self) -> bool:
         """Whether there are stops."""
         return self.distance > 0.0 and self.stiffness > 0.0
-
-    def compute_force(self, displacement: Array, velocity: Array) -> Array:
-        """Force on a leg (n,), N, positive extends it, at displacements (n,), m, and velocities (n,), m/s."""
-        if not self.active:
-            return np.zeros_like(displacement)
-        above = np.maximum(displacement - self.distance, 0.0)
-        below = np.minimum(displacement + self.distance, 0.0)
-        rate = self.damping * velocity
-        return np.asarray(-self.stiffness * (above * np.maximum(1.0 + rate, 0.0) + below * np.maximum(1.0 - rate, 0.0)))
 
     def count_contact_steps(self, h: float) -> float:
         """Steps of ``h`` (s) in a contact, half a period of the effective mass on the stop without damping."""

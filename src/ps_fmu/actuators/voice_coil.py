@@ -1,4 +1,4 @@
-"""A voice coil and the digital driver of its current.
+"""A voice coil and the digital driver of its current, with white noise as a function of sample number and seed alone.
 
 The coil (R. Munnig Schmidt, G. Schitter, A. Rankers, J. van Eijk, "The Design of High Performance Mechatronics", 2nd
 ed., 2014, chapter on electromechanic actuators)::
@@ -21,14 +21,64 @@ bandwidth, at every step size: ``i(t + h) = p i + (1 - p) i_c``.
 
 from __future__ import annotations
 
+from collections.abc import Generator
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from ..mechanism.parameters import Parameters
-from ..mechanism.quantities import Array, Checked, ParameterError, group, quantity
+from ..mechanism.quantities import Array, Checked, group, quantity
+from ..numerics.calls import Calls, finish
+from ..numerics.normal import Stream, Words, make_calls, make_key, make_words
 from .stops import Stops, find_effective_mass
+
+_BLOCK = 512  # samples that one key makes: larger ones would stall a step, smaller ones take longer for each sample
+_AT_ONCE = 2  # blocks: 20 us
+
+
+class WhiteNoise:
+    """Independent Gaussian numbers of unit variance, any sample on its own.
+
+    Parameters
+    ----------
+    seed: 0 or greater.
+    channels: numbers in a sample.
+    """
+
+    def __init__(self, seed: int, channels: int) -> None:
+        self._seed, self._channels = seed, channels
+        self._last = (-1, np.empty((0, channels)))  # number and samples of a block: the next call often needs it
+
+    def __call__(self, first: int, n: int) -> Array:
+        """The samples ``first`` to ``first + n - 1``, shape (n, channels)."""
+        return finish(self.in_parts(first, n))
+
+    def in_parts(self, first: int, n: int) -> Generator[Calls, None, Array]:
+        """As :meth:`__call__`, a block at a time: yields calls, and returns the samples."""
+        numbers = range(first // _BLOCK, (first + n - 1) // _BLOCK + 1)
+        blocks = np.empty((len(numbers), _BLOCK, self._channels))
+        known, samples = self._last
+        skipped = int(known == numbers[0])
+        if skipped:
+            blocks[0] = samples
+        half = _BLOCK // 2 * self._channels
+        rest = blocks[skipped:].reshape(-1, 2 * half)
+        yield from Calls(make_calls(self._make_words(numbers[0] + skipped), half, rest, _AT_ONCE), blocks)
+        self._last = numbers[-1], blocks[-1].copy()  # not all of them for the sake of one
+        begin = first - numbers.start * _BLOCK
+        return blocks.reshape(-1, self._channels)[begin : begin + n]
+
+    def _make_words(self, number: int) -> Words:
+        return make_words(make_key(Stream.DRIVER, self._seed, number % 2**32))
+
+
+def sample_deviation(density: float, h: float) -> float:
+    """Standard deviation of white noise with a one-sided density (unit/sqrt(Hz)), one sample a step of ``h`` (s).
+
+    The band ends at ``1 / (2 h)``.
+    """
+    return float(density / np.sqrt(2.0 * h))
 
 
 @dataclass(frozen=True)
@@ -56,11 +106,6 @@ class Coil(Checked):
         """Angle of the ripple per displacement, rad/m."""
         return float(2.0 * np.pi / self.ripple_pitch)
 
-    @property
-    def short_circuit_damping(self) -> float:
-        """K^2 / R, N.s/m: damping of the leg by a coil whose terminals are joined, or fed by a voltage."""
-        return self.force_constant**2 / self.resistance
-
 
 @dataclass(frozen=True)
 class Driver(Checked):
@@ -76,11 +121,6 @@ class Driver(Checked):
     current_resolution: float = quantity("A", "Step of the demanded current; 0 = none", at_least=0.0)
     noise: float = quantity("A/sqrt(Hz)", "White noise of the demanded current, one-sided density", at_least=0.0)
     seed: int = quantity("", "Seed of the noise", at_least=0)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.seed < 0:
-            raise ParameterError("seed", f"must not be less than 0, got {self.seed}")
 
 
 class CurrentStep(NamedTuple):
@@ -99,15 +139,6 @@ def discretise(coil: Coil, driver: Driver, h: float) -> CurrentStep:
     decay = float(np.exp(-coil.resistance * h / coil.inductance))
     response = float(-np.expm1(-coil.resistance * h / coil.inductance)) / coil.resistance
     return CurrentStep(decay, response, float(-np.expm1(-2.0 * np.pi * driver.bandwidth * h)) / response)
-
-
-def compute_damping(coil: Coil, driver: Driver, h: float) -> float:
-    """Damping of the leg by the back-EMF at low frequencies, N.s/m: ``(1 - c) K^2 / g``, see :func:`discretise`.
-
-    With no compensation it is ``K^2 / R`` for a loop as slow as the coil itself, ``f = R / (2 pi L)`` (then g = R), and
-    falls with a faster one.
-    """
-    return (1.0 - driver.emf_compensation) * coil.force_constant**2 / discretise(coil, driver, h).gain
 
 
 @dataclass(frozen=True)

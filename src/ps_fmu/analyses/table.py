@@ -1,32 +1,47 @@
-"""The analyses of ``ps-fmu analyse``: one line each, in the order of the help."""
+"""The analyses of ``ps-fmu analyse``, one line each, in the order of the help; and the options that each gets."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .options import SYSTEM
+from ..product.files import find_product
+from ..runs.built_fmus import find_built_folder
 
 if TYPE_CHECKING:
     from .result import AnalysisResult
+
+SYSTEM = "SystemStructure.ssd"
+
+
+@dataclass(frozen=True)
+class AnalysisOptions:
+    """The options that every analysis gets."""
+
+    output: Path  # folder of the results; it exists
+    fmus: Path = field(default_factory=find_built_folder)  # folder of the built FMUs
+    system: Path = field(default_factory=lambda: find_product().system / SYSTEM)  # system structure description
+    seed: int = 1  # seed of the disturbance
+    progress: bool = True  # show progress bars on stderr
+    parameters: tuple[Path, ...] = ()  # files with start values; later ones win
+    requirements: Path | None = None  # TOML file; None: that of the product
+    uncertainty: tuple[float, ...] = ()
+    """Factors on the amplitude and between them the limits of their bands, Hz: factor, limit, factor ..."""
 
 
 @dataclass(frozen=True)
 class Analysis:
     """An analysis, whose module is imported when it runs."""
 
-    name: str
-    """On the command line, and of the files."""
-    about: str
-    """One line for ``--help``."""
+    name: str  # on the command line, and of the files
+    about: str  # one line for ``--help``
     function: str
-    """``module:function``; it takes :class:`.options.AnalysisOptions`."""
-    needs_fmus: bool = True
-    """False: it needs neither FMUs nor a system description."""
-    system: str = SYSTEM
-    """Name of the product's system structure description that it runs, unless told otherwise."""
+    """``module:function``; it takes :class:`AnalysisOptions`."""
+    needs_fmus: bool = True  # if not, it needs neither FMUs nor a system description
+    system: str = SYSTEM  # name of the product's system structure description that it runs, unless told otherwise
     takes: tuple[str, ...] = ()
     """Options that it takes besides those of every analysis: ``parameters``, ``requirements``, ``uncertainty``."""
 
@@ -47,7 +62,7 @@ _TABLE = (
     Analysis(
         "trajectories",
         "Fig 7 and Table 1 through commander and plant: errors along paths, the limits of the angles",
-        "ps_fmu.paper.figures.fig07.analysis:analyse",
+        "ps_fmu.paper.figures.fig07.report:analyse",
     ),
     Analysis(
         "transmissibility",
@@ -58,12 +73,12 @@ _TABLE = (
     Analysis(
         "stability",
         "Fig 10: the internal loop with delay, in the paper's reading and in that of its equation (48)",
-        "ps_fmu.paper.figures.fig10.analysis:analyse",
+        "ps_fmu.paper.figures.fig10.report:analyse",
     ),
     Analysis(
         "jitter",
         "Table 2 and Fig 9: RMS, rejection and image point, in closed form and co-simulated",
-        "ps_fmu.paper.figures.table2.analysis:analyse",
+        "ps_fmu.paper.figures.table2.report:analyse",
     ),
     Analysis(
         "paper",
@@ -73,18 +88,18 @@ _TABLE = (
     Analysis(
         "budget",
         "each source's, frequency band's and mode's share of the pointing errors that requirements name",
-        "ps_fmu.trades.budget.analysis:analyse",
+        "ps_fmu.trades.budget.report:analyse",
         takes=("parameters", "requirements", "uncertainty"),
     ),
     Analysis(
         "indices",
         "pointing indices of the default system from the FMUs, with their intervals, beside the closed form",
-        "ps_fmu.trades.indices.analysis:analyse",
+        "ps_fmu.trades.indices.report:analyse",
     ),
     Analysis(
         "sensors",
         "residual jitter behind real accelerometers, the best high-pass corner, and what a line-of-sight loop adds",
-        "ps_fmu.trades.sensors.analysis:analyse",
+        "ps_fmu.trades.sensors.report:analyse",
         system="InertialSensors.ssd",
     ),
 )

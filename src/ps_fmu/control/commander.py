@@ -14,7 +14,7 @@ from ..mechanism.geometry import Geometry
 from ..mechanism.inverse_kinematics import InversePose, Solver, descend, inverse_kinematics, trilaterate
 from ..mechanism.kinematics import KinematicsError
 from ..mechanism.parameters import Manipulator, Parameters
-from ..mechanism.quantities import Array, Checked, check_number, group, quantity
+from ..mechanism.quantities import Array, Checked, group, quantity
 from ..mechanism.reachability import stroke_margin, why_unreachable
 from .profile import Limits, Profile, State, plan
 
@@ -42,10 +42,6 @@ class Algorithm1(Checked):
     mu: float = quantity("1", "Step size; Algorithm 1 converges below 2/lambda_max(J J^T), about 0.81", above=0.0)
     epsilon: float = quantity("m", "Error limit; 1e-6 m leaves up to 4e-4 deg, 1e-11 m below 1e-8 deg", above=0.0)
     max_iterations: int = quantity("1", "Iterations after which Algorithm 1 gives up", at_least=1)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_number(self.max_iterations, "max_iterations", at_least=1)
 
     def solver(self) -> Solver:
         """Algorithm 1 with these settings, for :func:`.inverse_kinematics.inverse_kinematics`."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from ..mechanism.parameters import Parameters
-from ..mechanism.quantities import Array, Checked, ParameterError, group, quantity
+from ..mechanism.quantities import Array, Checked, group, quantity
 
 Source = Callable[[Array], Array]
 """Times (n,), s -> force and torque (n, 6), N and N.m in B at its origin.  An attribute ``rows_at_once`` says for how
@@ -32,12 +32,6 @@ class SharedSettings(Checked):
         "s", "Time over which the disturbance rises smoothly from zero", at_least=0.1, at_most=20.0
     )
     bus: BusCentre = group()
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if isinstance(self.seed, bool) or self.seed != int(self.seed) or self.seed < 0:
-            raise ParameterError("seed", f"expected a whole number, 0 or greater, got {self.seed!r}")
-        self._set("seed", int(self.seed))
 
 
 class Kind(Checked, ABC):

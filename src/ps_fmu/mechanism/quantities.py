@@ -12,7 +12,6 @@ from __future__ import annotations
 import reprlib
 from collections.abc import Callable, Mapping
 from dataclasses import Field, dataclass, field, fields, is_dataclass, replace
-from functools import lru_cache
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -112,6 +111,13 @@ def check_number(
     return result
 
 
+def check_whole(value: Any, name: str, **bounds: float | None) -> int:
+    """A whole number within bounds, see :func:`check_number`, also given as 2.0.  Raises ParameterError as there."""
+    if (number := check_number(value, name, **bounds)) != int(value):
+        raise ParameterError(name, f"expected a whole number, got {number:g}")
+    return int(value)
+
+
 def check_inertia(value: Any, name: str) -> Array:
     """A symmetric positive definite inertia whose principal moments satisfy the triangle inequality."""
     array = freeze(value, (3, 3), name)
@@ -149,6 +155,8 @@ class Checked:
                 self._set(f.name, freeze(value, f.metadata["shape"], name))
             elif f.type == "float":
                 self._set(f.name, check_number(value, name, **f.metadata["bounds"]))
+            elif f.type == "int":
+                self._set(f.name, check_whole(value, name, **f.metadata["bounds"]))
             elif f.type == "bool":
                 self._set(f.name, check_truth(value, name))
 
@@ -254,28 +262,10 @@ def take_values(obj: T, values: Mapping[str, Any], prefix: str = "") -> T:
 
     Parts of which no value changes are not copied.
     """
-    entries = [e for e in _list_known(_Same(obj), prefix) if e.name in values]
+    entries = [e for e in list_entries(obj, prefix) if e.name in values]
     changed = {e.name: values[e.name] for e in entries if not _is_same(values[e.name], e.value)}
     result: T = _replaced(obj, changed, prefix) if changed else obj
     return result
-
-
-class _Same:
-    """A parameter dataclass as a key: it is frozen, but may have arrays."""
-
-    def __init__(self, obj: object) -> None:
-        self.obj = obj
-
-    def __hash__(self) -> int:
-        return id(self.obj)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Same) and other.obj is self.obj
-
-
-@lru_cache(maxsize=16)  # the defaults of the FMUs: to list them anew takes 1 of 30 ms of a reset
-def _list_known(same: _Same, prefix: str) -> tuple[Entry, ...]:
-    return tuple(list_entries(same.obj, prefix))
 
 
 def _is_same(value: Any, other: Any) -> bool:

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import ctypes
 from array import array
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from ctypes import CFUNCTYPE, POINTER, Structure, c_double, c_int64, c_uint32, c_void_p
+from typing import Any, TypeVar
 
 from . import library
 
@@ -17,6 +18,7 @@ Pair = tuple[int, Structure]
 """A function of the library that takes one structure, and that structure."""
 
 _FUNCTION = CFUNCTYPE(None, c_void_p)
+T = TypeVar("T")
 
 
 class NoiseBlock(Structure):
@@ -169,3 +171,25 @@ class Calls:
 def put_before(part: int | Calls, parts: int) -> int | Calls:
     """What a generator yields, if so many parts more come after its own."""
     return part.put_before(parts) if isinstance(part, Calls) else part + parts
+
+
+def finish(parts: Generator[Any, None, T]) -> T:
+    """What the parts make, all at once."""
+    while True:
+        try:
+            next(parts)
+        except StopIteration as end:
+            made: T = end.value
+            return made
+
+
+def count(parts: Generator[Any, None, T], left: int) -> Generator[int, None, T]:
+    """The same parts; the first says that ``left`` are still to come, and each other one less, but at least one."""
+    while True:
+        try:
+            next(parts)
+        except StopIteration as end:
+            made: T = end.value
+            return made
+        yield max(left, 1)
+        left -= 1

@@ -28,10 +28,8 @@ Interpolation = Literal["linear", "power law", "bins"]
 class PointingIndex(ABC):
     """One aspect of how an error varies with time, as a linear operation on the error in a window."""
 
-    symbol: ClassVar[str]
-    """Short name, as in ECSS-E-ST-60-10C where it has one."""
-    keeps_bias: ClassVar[bool] = False
-    """Whether a constant error remains; if not, the index of a constant is zero."""
+    symbol: ClassVar[str]  # short name, as in ECSS-E-ST-60-10C where it has one
+    keeps_bias: ClassVar[bool] = False  # whether a constant error remains; if not, the index of a constant is zero
 
     @property
     def about(self) -> str:
@@ -154,7 +152,7 @@ class PointingIndex(ABC):
     ) -> float:
         """Variance from a density given as a function of the frequency, Hz, over a finite band (low, high), Hz.
 
-        Adaptive, to 1e-12 of the result.  ``points`` are frequencies of narrow resonances and steps.  Densities that
+        To 1e-12 of the result.  ``points`` are frequencies of narrow resonances and steps.  Densities that
         grow towards 0 Hz are fine where the weight falls faster: ``band=(0.0, high)`` of 1/f^2 for the relative error.
         """
         if step is not None:

@@ -87,7 +87,7 @@ def explore_comparisons(comparisons: Mapping[str, Comparison], system: RunSystem
 
 def _chart_comparison(comparison: Comparison, prefix: str) -> tuple[list[ChartGroup], CloudGroup]:
     """Charts and image points of a comparison, and the names of their PNG files."""
-    records = comparison.passive, comparison.active
+    records = comparison.records
     where = f"at {format_angles(comparison.orientation_deg)} deg"
     envelopes = [record.envelope for record in records]
     time = envelopes[0].time

@@ -1,6 +1,6 @@
 """Accelerometers and rate sensors on the bus: from its motion to readings, and to the estimate that an isolator takes.
 
-The way of a signal, for sensor k::
+The way of a signal, for sensor k at r_k along the unit vector n_k, all in B::
 
     true reading  n_k . (a_B + alpha x r_k + w x (w x r_k))    n_k turned by the misalignment
     low-pass of the bandwidth
@@ -9,6 +9,12 @@ The way of a signal, for sensor k::
     least squares with the stated places and directions        as if scale factor, axis and bias were perfect
 
 The centripetal term is read like any other and is not taken out of the estimate.
+
+**The sensors that the FMU starts with** (:func:`default_sensors`) are three triads of seismic accelerometers about the
+manipulator, no rate sensors.  The figures of the accelerometers are those of
+``system/parameters/sensors_seismic.ssv``, where their sources stand.  The places are chosen: 0.5 m from the
+manipulator's axis, each 120 degrees from the next, in the plane of its base.  The rate sensors, which are off, have
+figures of the data sheet of Safran's STIM300 (rev. 9).
 """
 
 from __future__ import annotations
@@ -22,12 +28,63 @@ from numpy.typing import NDArray
 
 from ..mechanism.quantities import Array, Checked, ParameterError, group, quantity
 from ..numerics import library
-from ..numerics.calls import Calls, ErrorRoom
+from ..numerics.calls import Calls, ErrorRoom, count, finish
 from ..numerics.normal import Stream, make_key
-from .geometry import centripetal_rows, estimator, geometry_rows
-from .noise import WHITE_BLOCK, SensorNoise, make_calls, split
-from .normal import count, draw_normal, finish, wrap
+from .errors import WHITE_BLOCK, SensorNoise, draw_normal, make_calls, split, wrap
 from .parameters import Accelerometer, AccelerometerKind, OneSensor, RateSensor, RateSensorKind, SensorKind
+
+#: Largest condition number of the geometry, lengths over the mean lever arm; beyond it noise is magnified as much.
+LARGEST_CONDITION = 1e3
+#: Products of the angular velocity, in the order of the columns of :func:`centripetal_rows`.
+PRODUCTS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+
+
+def geometry_rows(position_B: Array, direction_B: Array) -> Array:
+    """(n, 6): from acceleration of the origin of B (m/s2) and angular acceleration (rad/s2), in B, to readings.
+
+    ``n . (alpha x r) = alpha . (r x n)``.  Both arguments (n, 3), m and unit vectors.
+    """
+    return np.hstack([direction_B, np.cross(position_B, direction_B)])
+
+
+def centripetal_rows(position_B: Array, direction_B: Array) -> Array:
+    """(n, 6): from the products w_i w_j of :data:`PRODUCTS` (rad2/s2; B) to readings, m/s2.
+
+    ``n . (w x (w x r)) = (n . w)(w . r) - (n . r)(w . w)``.
+    """
+    n, r = direction_B, position_B
+    rows = [
+        n[:, i] * r[:, j] + (n[:, j] * r[:, i] if i != j else -np.einsum("ki,ki->k", n, r)) for i, j in PRODUCTS
+    ]
+    return np.stack(rows, axis=1)
+
+
+def estimator(position_B: Array, direction_B: Array) -> Array:
+    """(6, n): from readings to acceleration and angular acceleration of B by least squares, for equal sensors.
+
+    Raises
+    ------
+    ParameterError: the sensors cannot see six degrees of freedom; the text has the motion that they do not see.
+    """
+    rows = geometry_rows(position_B, direction_B)
+    arm = float(np.sqrt(np.mean(np.sum(position_B**2, axis=1)))) if len(rows) else 0.0
+    scale = np.repeat([1.0, arm or 1.0], 3)
+    scaled = rows / scale
+    values, motions = np.linalg.svd(scaled)[1:] if len(rows) else (np.zeros(0), np.eye(6))
+    if len(values) < 6 or values[-1] * LARGEST_CONDITION < values[0]:
+        raise ParameterError("accelerometers", _explain(len(rows), motions[-1] / scale))
+    return np.asarray(np.linalg.pinv(scaled) / scale[:, None])
+
+
+def _explain(count: int, motion: Array) -> str:
+    motion = motion / np.abs(motion).max()
+    texts = [", ".join(f"{value + 0.0:.2g}" for value in np.round(part, 3)) for part in (motion[:3], motion[3:])]
+    return (
+        f"the {count} that are enabled cannot see six degrees of freedom: none reads an acceleration of "
+        f"({texts[0]}) m/s2 with an angular acceleration of ({texts[1]}) rad/s2; expected places and directions that "
+        "see every motion, for example three axes at each of three places that are not on a line"
+    )
+
 
 ACCELEROMETERS = 12  # places for them
 CHANNELS = ACCELEROMETERS + RateSensor.AXES
@@ -56,8 +113,6 @@ class InertialSensors(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if isinstance(self.seed, bool) or self.seed != int(self.seed) or self.seed < 0:
-            raise ParameterError("seed", f"expected a whole number, 0 or greater, got {self.seed!r}")
         if len(self.accelerometers) != ACCELEROMETERS or len(self.rate_sensors) != RateSensor.AXES:
             expected = f"expected {ACCELEROMETERS} places and {RateSensor.AXES} rate sensors"
             raise ParameterError("accelerometers", expected)
@@ -167,7 +222,7 @@ class InertialSensors(Checked):
 
     def _spread(self, name: str, number: int) -> Array:
         """The part of a constant error that is drawn, (CHANNELS,); ``number`` tells the errors apart."""
-        key = make_key(Stream.SENSOR_SPREAD, *wrap((int(self.seed), number)))
+        key = make_key(Stream.SENSOR_SPREAD, *wrap((self.seed, number)))
         return np.asarray(self._of_kind(name) * draw_normal(key, 1, CHANNELS)[0])
 
 
@@ -178,11 +233,10 @@ class ChannelNoise:
         self.interval = interval
         on = np.flatnonzero(sensors.enabled[_SLOTS])
         slots = int(on[-1]) + 1 if on.size else 0  # none is drawn for those behind the last that is enabled
-        seed = int(sensors.seed)
-        self._noises = [(0, SensorNoise(sensors.accelerometer.noise, slots, interval, seed, _LINEAR_NOISE))]
+        self._noises = [(0, SensorNoise(sensors.accelerometer.noise, slots, interval, sensors.seed, _LINEAR_NOISE))]
         """Each with its first column."""
         if sensors.rate_sensor.enabled:
-            rates = SensorNoise(sensors.rate_sensor.noise, RateSensor.AXES, interval, seed, _RATE_NOISE)
+            rates = SensorNoise(sensors.rate_sensor.noise, RateSensor.AXES, interval, sensors.seed, _RATE_NOISE)
             self._noises.append((ACCELEROMETERS, rates))
         enabled = sensors.enabled.astype(np.float64)
         self._bias = sensors.bias if sensors.bias.any() else None
@@ -226,3 +280,58 @@ class ChannelNoise:
     def find_samples(self, elapsed: Array) -> NDArray[np.int64]:
         """Numbers of the last samples at times since the start (n,), s; from :data:`LAST_SAMPLE` on, that one."""
         return np.floor(np.clip(elapsed / self.interval + 1e-6, 0.0, LAST_SAMPLE)).astype(np.int64)
+
+
+TRIADS = 3
+_ARM = 0.5  # m
+_PLACES = np.array([[0.0, _ARM, 0.0], [-0.433, -0.25, 0.0], [0.433, -0.25, 0.0], [0.0, 0.0, -_ARM]])  # m, in B
+
+SEISMIC = AccelerometerKind(
+    bandwidth=200.0,  # Hz
+    order=2,
+    noise_density=9.6e-8,  # m/s2/sqrt(Hz)
+    bias_instability=5.4e-8,  # m/s2
+    random_walk=0.0,  # m/s2/sqrt(s)
+    range=1.0,  # m/s2
+    resolution=1.2e-7,  # m/s2
+    bias_spread=0.0,  # m/s2
+    scale_factor_spread=0.0,
+    misalignment_spread=0.0,  # rad
+)
+NO_RATE_SENSORS = RateSensorKind(
+    enabled=False,
+    bandwidth=262.0,  # Hz
+    order=2,
+    noise_density=6.2e-5,  # rad/s/sqrt(Hz); angle random walk 0.15 deg/sqrt(h)
+    bias_instability=3.7e-6,  # rad/s; lowest Allan deviation 0.5 deg/h
+    random_walk=0.0,  # rad/s/sqrt(s)
+    range=7.0,  # rad/s; 400 deg/s
+    resolution=0.0,  # rad/s
+    bias_spread=0.0,  # rad/s
+    scale_factor_spread=5e-4,
+    misalignment_spread=1e-3,  # rad
+)
+
+
+def default_sensors() -> InertialSensors:
+    """Three triads of seismic accelerometers; nine places of twelve are taken."""
+    return InertialSensors(
+        seed=1,
+        sample_time=0.0,  # s
+        latency=0.0,  # s
+        accelerometer=SEISMIC,
+        accelerometers=tuple(_make_accelerometer(k) for k in range(ACCELEROMETERS)),
+        rate_sensor=NO_RATE_SENSORS,
+        rate_sensors=tuple(RateSensor(0.0, 0.0, np.zeros(3)) for _ in range(RateSensor.AXES)),
+    )
+
+
+def _make_accelerometer(k: int) -> Accelerometer:
+    return Accelerometer(
+        enabled=k < 3 * TRIADS,
+        position_B=_PLACES[k // 3],
+        direction_B=np.eye(3)[k % 3],
+        bias=0.0,  # m/s2
+        scale_factor_error=0.0,
+        misalignment_B=np.zeros(3),  # rad
+    )

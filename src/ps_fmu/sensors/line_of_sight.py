@@ -25,10 +25,10 @@ from operator import add, mul
 import numpy as np
 from numpy.typing import NDArray
 
-from ..mechanism.quantities import Array, Checked, ParameterError, check_number, quantity
+from ..mechanism.quantities import Array, Checked, ParameterError, quantity
+from ..numerics.calls import count, finish
 from ..numerics.normal import Stream, make_key
-from .noise import split
-from .normal import count, finish, seed_in_parts, wrap
+from .errors import seed_in_parts, split, wrap
 
 _BLOCK = 128  # samples that are drawn at once
 _PARTS = 4  # in which that is done
@@ -124,7 +124,6 @@ class Tracker(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_number(self.seed, "seed", at_least=0)
         if (self.noise_equivalent_angle_P < 0.0).any():
             raise ParameterError(
                 "noise_equivalent_angle", f"must not be negative, got {self.noise_equivalent_angle_P.tolist()}"

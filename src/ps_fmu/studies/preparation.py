@@ -31,8 +31,9 @@ from ..cosim.structure import Experiment, Parameter, parse_port
 from ..cosim.system_json import encode_system
 from ..product.files import find_product
 from ..requirements.quantity import Names, Time
+from ..requirements.requirement import find_targets, read_requirements
 from ..runs.built_fmus import find_built_folder, is_own, list_models, provide_fmus
-from ..runs.judge import read_judge
+from ..runs.judge import RunJudge
 from ..runs.keeping import find_source
 from ..runs.options import OptionError, RunOptions
 from ..runs.scenario import Scenario
@@ -46,6 +47,7 @@ from .study import Branch, Observed, Study, StudyError
 
 DEFAULT_SIGNAL = "plant.payload_rotation"
 DEFAULT_WINDOW_S = 1.0
+DEFAULT_SEED = 1  # of the disturbance, where no case has its own
 MOST_LEVELS = 1000  # of a number of faults: more are not checked one by one
 
 
@@ -93,29 +95,19 @@ def choose_fmus(study: Study, folder: Path | None) -> Path | None:
     return own
 
 
-def choose_step(study: Study) -> Study:
-    """The study with the step of its system, or else of its FMUs, where it states none itself.
-
-    Raises CosimError for a system that cannot be read.
-    """
-    if study.states_step:
-        return study
-    system = read_any_system(study.system, study.fmus, outside=study.outside)
-    stated = complete_experiment(system, read_descriptions(system, lenient=True)).step
-    return study if stated is None else replace(study, step_s=stated)
-
-
-def load_study_system(study: Study) -> RunSystem:
+def load_study_system(study: Study) -> tuple[Study, RunSystem]:
     """The system of a study; requirements, signals and windows are checked against it.
 
-    Start values are those that the FMUs take, behind all bindings, mappings and units.
+    Start values are those that the FMUs take, behind all bindings, mappings and units.  The study has the step of its
+    system, or else of its FMUs, where it states none itself.
 
-    Raises :class:`.study.StudyError`, and :class:`..cosim.CosimError` for a system that cannot be read.
+    Raises :class:`.study.StudyError`, :class:`..requirements.requirement.RequirementError`, and
+    :class:`..cosim.CosimError` for a system that cannot be read.
     """
     warnings = WarningLog()
     with warnings.collect():
         try:
-            system = _read(study, make_options(study, Path()), warnings)
+            study, system = _read(study, warnings)
         except OptionError as error:
             raise StudyError(f"{study.path}, study, {str(error).removeprefix('--')}") from error
     if study.isolation is not None:
@@ -129,7 +121,11 @@ def load_study_system(study: Study) -> RunSystem:
         check_windows(observed, study.step_s, study.duration_s)
     if study.signals is not None:
         check_signals(study.signals, columns, study.step_s, study.duration_s)
-    return system
+    for requirement in system.judge.requirements:
+        find_targets(requirement, columns)
+        requirement.check_times(study.step_s, study.duration_s)
+        requirement.check_cases(study.runs)
+    return study, system
 
 
 def list_columns(study: Study, system: RunSystem) -> tuple[Column, ...]:
@@ -137,36 +133,39 @@ def list_columns(study: Study, system: RunSystem) -> tuple[Column, ...]:
     return list_run_columns(system.structure, system.descriptions, system.inputs, study.scheme, study.step_s)
 
 
-def _read(study: Study, options: RunOptions, warnings: WarningLog) -> RunSystem:
+def _read(study: Study, warnings: WarningLog) -> tuple[Study, RunSystem]:
     given: dict[str, Parameter] = {}
     sets = [read_parameters(path).entries() for path in study.parameters]
     for one in sets:
         given |= one
     structure = read_any_system(study.system, study.fmus, outside=study.outside, values=sets)
     descriptions = read_descriptions(structure, lenient=True)
+    if not study.states_step and (stated := complete_experiment(structure, descriptions).step) is not None:
+        study = replace(study, step_s=stated)
+    make_options(study, Path())  # raises for times that no run could have
     disturbed = _has_disturbance(descriptions)
     if disturbed and SEED not in given:
-        structure = structure.with_parameters({SEED: options.seed})
+        structure = structure.with_parameters({SEED: DEFAULT_SEED})
     wiring = check_wiring(structure, descriptions)
     for text in wiring.remarks:
         warnings.add(text)
     inputs = {} if study.inputs is None else read_signals(study.inputs)
     faults = None if study.faults is None else read_faults(study.faults)
-    system = RunSystem(
-        _settle(structure, wiring), descriptions, given, warnings=warnings, faults=faults, inputs=inputs
-    )
     make_faults(faults, structure, descriptions, StepClock(0.0, study.step_s), study.scheme)
+    judge = RunJudge(() if study.requirements is None else read_requirements(study.requirements))
+    system = RunSystem(
+        _settle(structure, wiring), descriptions, given, warnings, judge, faults=faults, inputs=inputs
+    )
     try:
         resolve_scheme(study.scheme, structure, descriptions, study.step_s)
     except UsageError as error:
         raise study.error("rates" if study.scheme.rates else "scheme", str(error)) from error
     try:
-        columns = list_columns(study, system)
+        list_columns(study, system)
     except UsageError as error:
         own = study.inputs is not None and str(error).startswith(str(study.inputs))
         raise study.error("inputs" if own else "system", str(error)) from error
-    system = replace(system, judge=read_judge(options, columns))
-    return limit_noise(system, study.step_s) if disturbed else system
+    return study, limit_noise(system, study.step_s) if disturbed else system
 
 
 def _has_disturbance(descriptions: Mapping[str, ModelDescription]) -> bool:

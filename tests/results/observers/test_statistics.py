@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ps_fmu.pointing.rejection import rejection_percent
+from ps_fmu.pointing.spectra import rejection_percent
 from ps_fmu.results.observers.statistics import DriftObserver, Statistics
 
 NAMES = ["a.y", "b.u"]

@@ -20,8 +20,7 @@ from ...mechanism.parameters import load
 from ...mechanism.quantities import Array, Complex, ParameterError, take_values
 from ...mechanism.signals import OUTPUTS
 from ...pointing.modal import ModalResponse, StateSpace
-from ...sensors.defaults import default_sensors
-from ...sensors.inertial import InertialSensors
+from ...sensors.inertial import InertialSensors, default_sensors
 from ...sensors.line_of_sight import DEFAULT_TRACKER, Tracker
 from ...theory.line_of_sight import SampledPointing, Timing, close_loop
 from ...theory.loop import Loop, loop_of
@@ -57,19 +56,15 @@ class SystemModel:
     """The components of a system with their start values, as the physics knows them."""
 
     system: System
-    components: Mapping[str, str]
-    """Name in the system by the name of the FMU."""
-    loop: Loop
-    """Plant and isolator at the target of the commander, without delay."""
-    isolator_delay: float
-    """Of its forces, s."""
+    components: Mapping[str, str]  # name in the system by the name of the FMU
+    loop: Loop  # plant and isolator at the target of the commander, without delay
+    isolator_delay: float  # of its forces, s
     disturbance: DisturbanceSettings
     sensors: InertialSensors | None
     coils: Coils | None
     tracker: Tracker | None
     pointing: SampledPointing | None
-    step: float
-    """s."""
+    step: float  # s
 
     @property
     def name(self) -> str:
