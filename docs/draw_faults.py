@@ -14,7 +14,7 @@ import numpy as np
 
 from ps_fmu.cosim import Master, read_system
 from ps_fmu.cosim.faults.reading import read_faults
-from ps_fmu.results.observers.history import HistoryObserver
+from ps_fmu.results.observers.sampler import HistoryObserver
 from ps_fmu.results.style import ACTIVE, PASSIVE, draw, shade
 
 ROOT = Path(__file__).parents[1]

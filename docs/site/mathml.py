@@ -13,7 +13,7 @@ from docutils import nodes
 from sphinx.application import Sphinx
 from sphinx.errors import SphinxError
 
-from ps_fmu.slavekit.pack.equations import convert_to_mathml
+from ps_fmu.slavekit.pack.page import convert_to_mathml
 
 # Brackets stretch only where the reader has a font for mathematics; site.css draws those of matrices.
 _BRACKETED = re.compile("<mo>&#x0005B;</mo><mtable>(.*?)</mtable><mo>&#x0005D;</mo>")

@@ -153,7 +153,7 @@ def _add_python_options(parser: argparse.ArgumentParser) -> None:
 def _build(options: argparse.Namespace) -> int:
     from .slavekit.pack.build import build_one, find_folders
     from .slavekit.pack.errors import BuildError
-    from .slavekit.pack.from_source import build_script
+    from .slavekit.pack.foreign import build_script
 
     python = {"interpreter": options.interpreter, "bundled": options.bundle}
     try:
@@ -185,7 +185,7 @@ def _add_wrap(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
 
 def _wrap(options: argparse.Namespace) -> int:
     from .slavekit.pack.errors import BuildError
-    from .slavekit.pack.wrap import wrap
+    from .slavekit.pack.foreign import wrap
 
     try:
         _print_fmu(*wrap(options.fmu, options.output, interpreter=options.interpreter, bundled=options.bundle))

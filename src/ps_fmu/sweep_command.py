@@ -84,9 +84,9 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _sweep(options: SweepOptions) -> int:
+    from .studies.bundle import open_folder
     from .studies.conclusion import conclude
     from .studies.rows import ClusterError, StartError, VersionError
-    from .studies.study_folder import open_folder
     from .studies.sweep import compute, hold, prepare
 
     prepared = prepare(options)

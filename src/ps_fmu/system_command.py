@@ -13,11 +13,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from .cosim.checkpoint.options import add_checkpoint_options
+from .cosim.checkpoint import add_checkpoint_options
 from .cosim.errors import CosimError, MissingFmuError, UsageError
 from .cosim.isolation.instance import add_isolation_options, read_isolation
-from .cosim.osp.reading import OSP_NAME
 from .cosim.schemes.scheme import add_scheme_options, read_scheme
+from .cosim.ssp.osp import OSP_NAME
 from .cosim.ssp.sources import SSD_NAME
 from .product.files import find_file
 from .runs.any_system import run_any

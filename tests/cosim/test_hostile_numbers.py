@@ -11,7 +11,7 @@ from ps_fmu.cli import main
 from ps_fmu.cosim import Master, SlaveError, SystemFileError, UsageError, WiringError, read_system
 from ps_fmu.cosim.description import read_description
 from ps_fmu.cosim.signals import read_signals
-from ps_fmu.cosim.ssp.single import complete_experiment, fit_duration, read_single
+from ps_fmu.cosim.ssp.reading import complete_experiment, fit_duration, read_single
 
 HUGE = '<ssc:LinearTransformation factor="1e308"/>'
 

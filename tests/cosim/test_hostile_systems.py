@@ -14,7 +14,7 @@ from ps_fmu.cosim.signals import read_signals
 from ps_fmu.cosim.ssp import sources
 from ps_fmu.cosim.xmlfile import read_bytes
 from ps_fmu.requirements.requirement import read_requirements
-from ps_fmu.studies.reading import read_study
+from ps_fmu.studies.study import read_study
 
 
 @pytest.fixture

@@ -33,7 +33,7 @@ RUN = """
 import os, sys
 from pathlib import Path
 from ps_fmu.cosim import Master
-from ps_fmu.cosim.ssp.single import read_any_system
+from ps_fmu.cosim.ssp.reading import read_any_system
 
 output, descriptor = os.pipe()
 os.environ["LINGERING"] = str(descriptor)

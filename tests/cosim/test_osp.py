@@ -7,7 +7,7 @@ import pytest
 from support.linear import make_oscillator, run
 
 from ps_fmu.cosim import Master, SystemFileError, read_system
-from ps_fmu.cosim.osp import reading
+from ps_fmu.cosim.ssp import osp
 
 SIMULATORS = '<Simulator name="first" source="first.fmu"/>\n<Simulator name="second" source="second.fmu"/>\n'
 FORCE = '<VariableConnection><Variable simulator="first" name="F"/><Variable simulator="second" name="F"/>'
@@ -71,9 +71,9 @@ def test_a_system_runs_as_its_twin_in_ssp_does(read, fmus, tmp_path):
 
 
 def test_each_fmu_is_read_once_however_many_variables_it_has(read, monkeypatch):
-    known, found = reading.read_description, []
+    known, found = osp.read_description, []
     monkeypatch.setattr(
-        reading, "read_description", lambda path, **options: found.append(path.name) or known(path, **options)
+        osp, "read_description", lambda path, **options: found.append(path.name) or known(path, **options)
     )
     read()
     assert sorted(found) == ["first.fmu", "second.fmu"]

@@ -12,12 +12,13 @@ from time import monotonic
 import pytest
 
 from ps_fmu.cli import main
-from ps_fmu.fmucheck import lives, other_checkers, stages
+from ps_fmu.fmucheck import fmu_check, lives
 from ps_fmu.fmucheck.fmu_check import check_fmu
 from ps_fmu.fmucheck.reading import read_description
 from ps_fmu.fmucheck.verdicts import NOT_RUN, OK
 from ps_fmu.native import find_compiled
 from ps_fmu.native.build import FOLDER, PROGRAMS, find_fmi_headers
+from ps_fmu.slavekit.pack import stages
 
 SOURCES = Path(__file__).parent / "native"
 DESCRIPTION = (SOURCES / "modelDescription.xml").read_text()
@@ -44,7 +45,7 @@ def library(tmp_path_factory):
 @pytest.fixture(autouse=True)
 def without_fmutool(monkeypatch):
     """It takes a second."""
-    monkeypatch.setattr(other_checkers, "FMUTOOL", "no_such_module")
+    monkeypatch.setattr(fmu_check, "FMUTOOL", "no_such_module")
 
 
 @pytest.fixture
@@ -239,7 +240,7 @@ def test_no_run_loads_no_library(tank, tmp_path, capsys):
     assert main(["check", "--no-run", str(fmu)]) == 0
     assert capsys.readouterr().out.count("not run  --no-run: the FMU is not loaded") == 2
     assert not (tmp_path / "run").exists()
-    lives.live_in_fmpy(fmu)
+    stages.live_in_fmpy(fmu, "whole")
     assert (tmp_path / "run").exists()
 
 

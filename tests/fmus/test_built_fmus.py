@@ -1,10 +1,12 @@
-"""The FMU files: checkers, FMPy alone, load orders in one process, bytes of a second build."""
+"""The FMU files: checkers, FMPy alone, memory, load orders, bytes of a second build, what fmus/README.md says."""
 
 import gc
 import hashlib
+import os
 import re
 import subprocess
 import sys
+import weakref
 import xml.etree.ElementTree as ET
 import zipfile
 from itertools import pairwise
@@ -17,10 +19,13 @@ from fmpy import read_model_description, simulate_fmu
 from fmpy.fmi1 import FMICallException
 from lxml import etree
 from support.host import unpack
-from support.models import MODELS
+from support.importers import IMPORTERS, interpreter_with
+from support.jobs import HOSTS
+from support.models import MODELS, Host
 from support.twins import InFmpy
 
-from ps_fmu.cosim import read_system
+from ps_fmu.cosim import read_system, write_ssp
+from ps_fmu.slavekit.author.slave import Refused
 from ps_fmu.slavekit.pack.build import build_one
 
 ROOT = Path(__file__).parents[2]
@@ -267,3 +272,134 @@ def test_ports_of_the_design(built_fmus) -> None:
     for name, ports in wanted.items():
         description = read_model_description(str(built_fmus / f"{name}.fmu"))
         assert set(ports.split()) <= {v.name for v in description.modelVariables}, name
+
+
+SETTINGS = [
+    ("manipulator_plant", {}),
+    ("pointing_commander", {"target__roll": 0.1}),  # slews, with an event in each step
+    ("feedforward_isolator", {}),
+    ("feedforward_isolator", {"sample_time": 2e-4, "delay": 3e-4, "force_limit": 0.05}),
+    ("disturbance_source", {}),
+    ("disturbance_source", {"noise__multisine": True}),
+    ("inertial_sensors", {"sample_time": 2e-4, "latency": 3e-4}),
+]
+H = 1e-4  # s
+
+
+@pytest.fixture
+def no_collection():
+    """Only what nobody refers to goes, as soon as nobody does."""
+    gc.collect()
+    gc.disable()
+    yield
+    gc.enable()
+
+
+@pytest.mark.parametrize(("folder", "start"), SETTINGS)
+def test_slaves_are_in_no_cycle(folder, start, no_collection):
+    host = Host(folder, **start).run_mode()
+    host.step(H, 20)
+    state = host.save()
+    host.step(H, 5)
+    with pytest.raises(Refused):
+        host.slave.do_step(-1.0, H)
+    host.restore(state, 20)
+    host.step(H, 20)
+    slave, memory = weakref.ref(host.slave), weakref.ref(host.slave._buffer.data.base)
+    del host
+    assert slave() is None
+    assert memory() is None
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_a_freed_instance_is_gone(model, built_fmus, tmp_path, no_collection):
+    """Pythonfmu's library counts references wrongly where there was an exception, and guard.py against that."""
+    folder = unpack(built_fmus / f"{model}.fmu", tmp_path / model)
+    names = ("to be freed", "this one, too")
+    fmus = [InFmpy(folder, name).fmu for name in names]
+    for fmu in fmus:
+        for call in (fmu.reset, fmu.setupExperiment, fmu.enterInitializationMode, fmu.exitInitializationMode):
+            call()
+        for i in range(20):
+            fmu.doStep(i * H, H)
+    content = fmus[0].serializeFMUstate(state := fmus[0].getFMUstate())
+    fmus[0].setFMUstate(fmus[0].deSerializeFMUstate(content))
+    for mistake in (
+        lambda: fmus[0].deSerializeFMUstate(content[:-1]),
+        lambda: fmus[0].setFMUstate(None),
+        lambda: fmus[1].setFMUstate(state),
+        lambda: fmus[0].getReal([999_999]),
+        lambda: fmus[1].setReal([0], [np.nan]),
+        lambda: fmus[1].doStep(-1.0, H),
+        fmus[0].enterInitializationMode,
+    ):
+        with pytest.raises(FMICallException):
+            mistake()
+    (script,) = (folder / "resources").glob(f"ps_fmu_*/{MODELS[model]}_*.py")
+    slaves = getattr(sys.modules[f"{script.parent.name}.{script.stem}"], model).instances
+
+    def alive():
+        return sorted(slave.instance_name for slave in slaves if slave.instance_name in names)
+
+    assert alive() == sorted(names)
+    for fmu in fmus:
+        fmu.freeInstance()
+    assert alive() == []
+
+
+ROWS = [
+    [cell.strip() for cell in line.strip("| ").split("|")]
+    for line in PAGE.partition("### Where they were run")[2].partition("\n### ")[0].splitlines()
+    if line.startswith("| ") and not line.startswith("| Tool")
+]
+
+
+def recipe(tool: str) -> str:
+    """The Python code below the tool's heading."""
+    section = PAGE.partition(f"\n### {tool}\n")[2].partition("\n### ")[0]
+    return section.partition("```python\n")[2].partition("```")[0]
+
+
+def test_the_table_says_what_the_tests_run():
+    """Each tool in the list is asked for by a test, or else the list would promise too much."""
+    assert {row[0] for row in ROWS if row[2] == "tests"} == {*IMPORTERS, "C host"}
+    assert {row[2] for row in ROWS} == {"tests", "by hand", "not run"}
+    tests = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "tests" / "system").glob("test_*.py"))
+    assert "interpreter_with(" in tests
+    assert [name for name in IMPORTERS if f'"{name}"' not in tests] == []
+
+
+def test_the_table_names_the_releases_that_are_installed_for_the_tests():
+    pins = (ROOT / "constraints.txt").read_text(encoding="utf-8") + (ROOT / "Makefile").read_text(encoding="utf-8")
+    for name, version, *_ in (row for row in ROWS if row[0] in IMPORTERS):
+        package, release = version.split()
+        assert package == IMPORTERS[name].package
+        assert re.search(rf"\b{re.escape(package)}=={re.escape(release)}\s", pins), version
+
+
+def test_each_tool_has_a_recipe():
+    for row in ROWS:
+        heading = row[0] if row[2] != "not run" else f"{row[0]} (not run)"
+        assert row[0] == "C host" or f"\n### {heading}\n" in PAGE, heading
+
+
+@pytest.fixture(scope="module")
+def folder(built_fmus: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What the recipes expect around them."""
+    folder = tmp_path_factory.mktemp("recipes")
+    (folder / "build").mkdir()
+    (folder / "build" / "fmus").symlink_to(built_fmus)
+    (folder / "system").symlink_to(ROOT / "system")
+    write_ssp(read_system(ROOT / "system" / "SystemStructure.ssd", built_fmus), folder / "pointing.ssp")
+    return folder
+
+
+@pytest.mark.parametrize("tool", ["Our own master", *IMPORTERS])
+def test_the_recipe_runs(tool, folder):
+    interpreter = interpreter_with("FMPy" if tool == "Our own master" else tool)
+    before = "from ecos_library import load_tbb\nload_tbb()\n" if tool == "Ecos" else ""
+    command = [str(interpreter), "-c", before + recipe(tool)]
+    environment = os.environ | {"PYTHONPATH": str(HOSTS)}
+    run = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=300)
+    assert run.returncode == 0, run.stdout + run.stderr
+    assert float(run.stdout.split()[-1]) != 0.0, run.stdout

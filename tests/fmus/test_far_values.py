@@ -1,16 +1,27 @@
-"""Values that no one would choose: the models take them, or refuse them by name; nothing else is raised."""
+"""Values, steps and times that no one would choose: models take them, or refuse them by name; hosts live on."""
 
+import re
+import subprocess
+import sys
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
+from support.host import unpack
 from support.models import Host, slave_class
 from support.states import clocks, numbers, use_made_up_state
 
+from ps_fmu.disturbance.gaussian import Block
 from ps_fmu.slavekit.author.slave import ModelError, Refused
 from ps_fmu.slavekit.author.state import to_bytes
 
 H = 1e-4  # s
+ALL: dict[str, Any] = {"wheel_1__enabled": True, "tone_1__force__x": 1.0, "chirp__force__x": 1.0}
+MOST_BLOCKS = 6
+"""Of noise in a step, some 20 ms each: three of each layer."""
 
 
 def outcome(model, reference, value, before):
@@ -57,17 +68,21 @@ def test_each_of_them(folder, every, value):
     assert any(said)
 
 
+MADE_UP = dict.fromkeys(
+    ("feedforward_isolator", "pointing_commander", "manipulator_plant", "inertial_sensors", "voice_coils"), ({}, H)
+) | {"disturbance_source": ({"noise__period": 20.0, **ALL}, 100 * H)}
+"""FMU -> start values, and the step [s] after the state was set."""
+
+
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 @settings(max_examples=40)
 @given(clocks(), numbers())
-@pytest.mark.parametrize(
-    "folder",
-    ["feedforward_isolator", "pointing_commander", "manipulator_plant", "inertial_sensors", "voice_coils"],
-)
+@pytest.mark.parametrize("folder", MADE_UP)
 def test_states_that_someone_made_up_are_refused_or_gone_on_from(folder, clock, changes):
-    host = Host(folder).run_mode()
+    start, h = MADE_UP[folder]
+    host = Host(folder, **start).run_mode()
     host.step(H, 5)
-    use_made_up_state(host.slave, clock, changes, H)
+    use_made_up_state(host.slave, clock, changes, h)
 
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
@@ -89,3 +104,138 @@ def test_states_far_from_the_usual_are_refused_in_words():
             assert f"far beyond what is usual: state {place - states.start} = 1e+100" in said[-1]
         slave._set_fmu_state(good)
     assert said
+
+
+@pytest.fixture
+def made(monkeypatch: pytest.MonkeyPatch) -> list[Block]:
+    """The blocks of noise that were begun since this was cleared."""
+    found: list[Block] = []
+    make = Block.make
+    monkeypatch.setattr(Block, "make", lambda block: found.append(block) or make(block))
+    return found
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+@pytest.mark.parametrize("h", [0.3, 7.0, 1e6])
+def test_a_long_step_makes_few_blocks(h: float, made: list[Block]) -> None:
+    slave = Host("disturbance_source", **ALL).run_mode().slave
+    times = np.arange(1, 26) * h
+    rows = np.empty((25, 6))
+    for k in range(25):
+        made.clear()
+        slave.do_step(slave.time, h)
+        assert len(made) <= MOST_BLOCKS, k
+        rows[k] = slave.y
+    np.testing.assert_array_equal(rows, slave.disturbance(times))
+
+
+@pytest.mark.parametrize("h", [1e10, 1e100, 1e300])
+def test_a_step_beyond_all_time_is_refused(h: float, made: list[Block]) -> None:
+    slave = Host("disturbance_source", **ALL).run_mode().slave
+    before = to_bytes(slave._get_fmu_state())
+    text = re.escape(f"{h:g} s after the start of the experiment: expected at most 1e+09 s")
+    made.clear()
+    with pytest.raises((Refused, ModelError), match=text):
+        slave.do_step(0.0, h)
+    assert not made
+    assert to_bytes(slave._get_fmu_state()) == before
+    slave.do_step(0.0, 1e-4)
+
+
+@pytest.mark.parametrize(
+    ("start", "h", "text"),
+    [
+        (1e300, 1e-4, "leads from .* to a later time"),
+        (1e300, 1e290, "after the start"),
+        (-1e300, 1e300, "after the start"),
+    ],
+)
+def test_a_start_beyond_all_time(start: float, h: float, text: str) -> None:
+    slave = slave_class("disturbance_source")(instance_name="far")
+    slave.setup_experiment(start)
+    slave.enter_initialization_mode()
+    slave.exit_initialization_mode()
+    with pytest.raises((Refused, ModelError), match=text):
+        slave.do_step(start, h)
+
+
+def test_a_state_with_a_table_that_no_one_makes_is_refused(made: list[Block]) -> None:
+    slave = Host("disturbance_source").run_mode().slave
+    slave.do_step(0.0, 1e-4)
+    state = slave._get_fmu_state()
+    clock = replace(state.clock, step=1e3, rows=4096, count=2**52, block=2**52)
+    made.clear()
+    with pytest.raises(Refused, match="a table of 4096 rows; at most 1 fit, of steps of 1000 s"):
+        slave._set_fmu_state(slave._fmu_state_from_bytes(to_bytes(replace(state, clock=clock))))
+    assert not made
+
+
+HOST = """
+import ctypes, sys
+import numpy as np
+from fmpy import read_model_description
+from fmpy.fmi2 import FMU2Slave
+
+folder, steps = sys.argv[1], [float(h) for h in sys.argv[2:]]
+description = read_model_description(folder)
+libm = ctypes.CDLL("libm.so.6")
+INVALID, DIVISION, OVERFLOW = 0x01, 0x04, 0x08
+WANTED = INVALID | DIVISION | OVERFLOW
+identifier = description.coSimulation.modelIdentifier
+fmu = FMU2Slave(guid=description.guid, unzipDirectory=folder, modelIdentifier=identifier, instanceName="fmu")
+outputs = [v.valueReference for v in description.modelVariables if v.causality == "output" and v.type == "Real"]
+inputs = [v.valueReference for v in description.modelVariables if v.causality == "input" and v.type == "Real"]
+
+def trapped(call, *arguments, **named):
+    libm.feenableexcept(WANTED)
+    try:
+        return call(*arguments, **named)
+    finally:
+        left = libm.fegetexcept()
+        libm.fedisableexcept(WANTED)
+        assert left == WANTED, left
+
+found = []
+for arming in (trapped, lambda call, *arguments, **named: call(*arguments, **named)):
+    arming(fmu.instantiate)
+    arming(fmu.setupExperiment, startTime=0.0)
+    arming(fmu.enterInitializationMode)
+    arming(fmu.exitInitializationMode)
+    time = 0.0
+    values = []
+    for n, h in enumerate(steps):
+        for value in (float("nan"), 5e-324 * (n % 3)):
+            try:
+                arming(fmu.setReal, inputs, [value] * len(inputs))
+            except Exception as error:
+                print("refused", value)
+        values.append(arming(fmu.getReal, inputs))
+        try:
+            arming(fmu.doStep, currentCommunicationPoint=time, communicationStepSize=h)
+        except Exception as error:
+            print("refused", h)
+        else:
+            time += h
+        values.append(arming(fmu.getReal, outputs))
+    state = arming(fmu.getFMUState)
+    arming(fmu.setFMUState, state)
+    arming(fmu.freeFMUState, state)
+    fmu.fmi2FreeInstance(fmu.component)
+    found.append(values)
+assert found[0] == found[1]
+print("alive", len(found[0]))
+"""
+
+
+@pytest.mark.parametrize("model", ["DisturbanceSource", "ManipulatorPlant", "FeedforwardIsolator"])
+def test_a_host_with_traps_lives_and_keeps_them(built_fmus: Path, tmp_path: Path, model: str) -> None:
+    """The same bits with traps and without; a step of 1e300 s overflows in each of them, and NaN is no input."""
+    folder = unpack(built_fmus / f"{model}.fmu", tmp_path / model)
+    steps = ["1e-4"] * 40 + ["1e300", "1e150", "1e-4"]
+    run = subprocess.run(
+        [sys.executable, "-I", "-c", HOST, str(folder), *steps], capture_output=True, text=True, timeout=120
+    )
+    assert run.returncode == 0, run.stderr[-2000:]
+    assert run.stdout.splitlines()[-1] == "alive 86"
+    has_inputs = model != "DisturbanceSource"
+    assert run.stdout.count("refused nan") == 86 * has_inputs

@@ -59,8 +59,8 @@ def simulate(built_fmus, tmp_path_factory):
 def test_plant_moves_as_the_multibody_program(simulate, name):
     """README.md of the FMU has what is found."""
     reference, rows = load_reference()[name], simulate(CASES[name], CASES[name].wrench)
-    for key in ("base_attitude", "payload_attitude"):
-        assert np.abs(turn_between(reference[key], rows[:, PLACE[key]])).max() < 1e-6  # rad
+    for key, limit in (("base_attitude", 1.5e-7), ("payload_attitude", 1e-6)):  # rad
+        assert np.abs(turn_between(reference[key], rows[:, PLACE[key]])).max() < limit
     for key in ("fine_displacement", "base_acceleration"):
         wanted = reference[key][1:]
         assert np.abs(rows[1:, PLACE[key]] - wanted).max() < 2e-3 * np.abs(wanted).max()

@@ -7,7 +7,8 @@ import zipfile
 import pytest
 from support.host import told, unpack
 
-from ps_fmu.slavekit.pack.bundle import BundleError, bundle, check
+from ps_fmu.slavekit.pack.bundle import bundle, check
+from ps_fmu.slavekit.pack.errors import BuildError
 
 NOWHERE = {"PATH": "/nonexistent"}
 SPY = """
@@ -97,11 +98,11 @@ def test_a_model_that_needs_more_than_is_bundled(bundled, tmp_path):
         for name in complete.namelist():
             if "/numpy/linalg/" not in name:
                 result.writestr(name, complete.read(name))
-    with pytest.raises(BundleError, match=r"does not run with what is bundled:[\s\S]*numpy\.linalg"):
+    with pytest.raises(BuildError, match=r"does not run with what is bundled:[\s\S]*numpy\.linalg"):
         check(less)
 
 
 @pytest.mark.parametrize("needs", [(["nowhere_to_be_found"], []), ([], ["nowhere_to_be_found"])])
 def test_a_package_that_is_not_installed(needs):
-    with pytest.raises(BundleError, match="the FMU needs nowhere_to_be_found, which is not installed"):
+    with pytest.raises(BuildError, match="the FMU needs nowhere_to_be_found, which is not installed"):
         bundle(*needs)

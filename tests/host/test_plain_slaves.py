@@ -12,8 +12,7 @@ from support.fmi_calls.caller import ERROR, OK, Caller, double, listed, text
 from support.host import told, unpack
 from support.page import build_with_pythonfmu, write_example
 
-from ps_fmu.slavekit.pack.from_source import build_script
-from ps_fmu.slavekit.pack.wrap import wrap
+from ps_fmu.slavekit.pack.foreign import build_script, wrap
 
 DRAIN = (("class Tank", "class Drain"), ("0.1 * math.sqrt(level)", "0.3 * level"), ("level < 0.0", "level != level"))
 

@@ -14,7 +14,7 @@ from support.models import COMPONENTS, FMUS, MODELS
 from ps_fmu.cli import main
 from ps_fmu.cosim import Master, System, read_parameters, read_system
 from ps_fmu.cosim.description import index_variables, read_descriptions, read_start
-from ps_fmu.cosim.ssp.xml_parts import real_values_xml
+from ps_fmu.cosim.ssp.writing import real_values_xml
 from ps_fmu.cosim.structure import Component
 from ps_fmu.interface.agreement import APART
 from ps_fmu.interface.instrument_file import BuildError, find_physics, import_slave
@@ -100,7 +100,7 @@ def test_one_value_reaches_every_fmu_that_knows_it(write, capsys):
     wheels = {f"disturbance.wheel_{i}.position.x": 0.1 for i in range(1, 5)}
     expected = {"plant.payload.mass": 20.0, "isolator.payload.mass": 20.0, "plant.bus.com.x": 0.1}
     assert dict(found) == expected | {"disturbance.bus.com.x": 0.1} | wheels
-    assert found.units["plant.bus.com.x"] == "m"
+    assert found.entries()["plant.bus.com.x"].unit == "m"
     assert "8 values: 5 of disturbance, 0 of commander, 2 of plant, 1 of isolator" in capsys.readouterr().out
 
 
@@ -152,7 +152,7 @@ def test_values_of_single_fmus(write):
 def test_what_is_set_apart_is_marked(write):
     text = 'base = "paper"\n[payload]\ncom_P = [0, 0, 0.2]\n[isolator]\nknown_com_P = [0, 0.001, 0.2]\n'
     _, path = write(text + "[start.isolator]\npayload.mass = 14.0\n")
-    notes = read_parameters(path).notes
+    notes = {name: entry.notes for name, entry in read_parameters(path).entries().items() if entry.notes}
     assert notes == dict.fromkeys(["isolator.payload.mass", "isolator.payload.com.y"], frozenset({APART}))
 
 

@@ -4,8 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.mechanics import PAPER, rigid
-from support.prototype import other_geometry
+from support.mechanics import PAPER, other_geometry, rigid
 
 from ps_fmu.mechanism.convection import COARSE, FINE, TURN, convective_forces
 from ps_fmu.mechanism.dynamics import FlexibleSystem, Pose

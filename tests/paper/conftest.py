@@ -17,20 +17,19 @@ from ps_fmu.paper import overview
 from ps_fmu.paper.bus_cases import CASES, load_case
 from ps_fmu.paper.errata import errata
 from ps_fmu.paper.figures import fig06 as workspace
-from ps_fmu.paper.figures import fig07, table2
 from ps_fmu.paper.figures.fig06 import compute_reach
-from ps_fmu.paper.figures.fig07 import analysis as trajectories
-from ps_fmu.paper.figures.fig07.results import METHODS, PathResult
-from ps_fmu.paper.figures.fig07.scenario import paths
+from ps_fmu.paper.figures.fig07 import report as trajectories
+from ps_fmu.paper.figures.fig07.runs import METHODS, PathResult, paths
 from ps_fmu.paper.figures.fig08_11 import analysis as transmissibility
 from ps_fmu.paper.figures.fig08_11.measured import compute_curves
-from ps_fmu.paper.figures.fig10 import analysis as stability
-from ps_fmu.paper.figures.fig10.results import judge
-from ps_fmu.paper.figures.table2 import analysis as jitter
+from ps_fmu.paper.figures.fig10 import report as stability
+from ps_fmu.paper.figures.fig10.closed_form import judge
 from ps_fmu.paper.figures.table2 import closed_form as table2_theory
-from ps_fmu.paper.figures.table2.results import compute_results
+from ps_fmu.paper.figures.table2 import report as jitter
+from ps_fmu.paper.figures.table2.runs import compute_results
 from ps_fmu.paper.published import published_numbers
 from ps_fmu.runs.options import RunOptions
+from ps_fmu.runs.scenario import SCENARIOS
 
 ORIENTATIONS = table2_theory.ORIENTATIONS
 SYSTEM = Path(__file__).parents[2] / "system" / "SystemStructure.ssd"
@@ -56,8 +55,8 @@ def curves():
 def jitter_results():
     """Closed form of Table 2 beside the runs of docs/paper: 11 s, 7 s after ``closed_form``."""
     p = load()
-    run = SimpleNamespace(band=p.noise.band, period_s=table2.SCENARIO.duration_s, comparisons=jitter_run())
-    return compute_results(p, run, table2.SCENARIO.step_s, seed=1)
+    run = SimpleNamespace(band=p.noise.band, period_s=SCENARIOS["table2"].duration_s, comparisons=jitter_run())
+    return compute_results(p, run, SCENARIOS["table2"].step_s, seed=1)
 
 
 @pytest.fixture(scope="session")
@@ -79,7 +78,7 @@ def closed_form(curves):
 
 def _trajectories():
     """Those of the usual paths, without runs: the response is the target, but for what tells no error from zero."""
-    scenario = fig07.SCENARIO
+    scenario = SCENARIOS["trajectories"]
     options = RunOptions(scenario, SYSTEM, Path(), scenario.duration_s, scenario.step_s)
     results = []
     for path, (targets, _) in paths(RATE, options).items():

@@ -10,9 +10,9 @@ from ps_fmu.analyses.options import AnalysisOptions
 from ps_fmu.analyses.table import ANALYSES, Analysis
 from ps_fmu.cli import main
 from ps_fmu.paper import cosimulation
-from ps_fmu.paper.figures import table2
 from ps_fmu.product import files
 from ps_fmu.runs.options import OptionError
+from ps_fmu.runs.scenario import SCENARIOS
 
 CHECKOUT = Path(__file__).parents[2]
 CO_SIMULATED = [name for name, analysis in ANALYSES.items() if analysis.needs_fmus]
@@ -67,17 +67,17 @@ def test_an_output_that_cannot_be_used_is_said_before_fmus_are_built(no_build, t
     (tmp_path / "table2").write_text("")
     options = AnalysisOptions(tmp_path, tmp_path / "fmus", CHECKOUT / "system" / "SystemStructure.ssd", progress=False)
     refused = pytest.raises(OptionError, match="--output: cannot write in")
-    with refused, cosimulation.hold_run(options, table2.SCENARIO):
+    with refused, cosimulation.hold_run(options, SCENARIOS["table2"]):
         pass
 
 
 def test_runs_of_an_interrupted_analysis_are_not_among_those_of_the_next(tmp_path, monkeypatch):
     monkeypatch.setattr(cosimulation, "provide_fmus", lambda folder, system: None)
     options = AnalysisOptions(tmp_path, tmp_path / "fmus", CHECKOUT / "system" / "SystemStructure.ssd", progress=False)
-    with pytest.raises(KeyboardInterrupt), cosimulation.hold_run(options, table2.SCENARIO) as run:
+    with pytest.raises(KeyboardInterrupt), cosimulation.hold_run(options, SCENARIOS["table2"]) as run:
         (run.output / "results.nc").write_text("interrupted, of ps_fmu")
         raise KeyboardInterrupt
-    with cosimulation.hold_run(options, table2.SCENARIO) as run:
+    with cosimulation.hold_run(options, SCENARIOS["table2"]) as run:
         assert not (run.output / "results.nc").exists()
         (run.output / "results.nc").write_text("complete")
     assert (run.output / "results.nc").read_text() == "complete"

@@ -10,15 +10,15 @@ import pytest
 from ps_fmu.analyses.options import AnalysisOptions
 from ps_fmu.mechanism.inverse_kinematics import inverse_kinematics, reachable, stroke_margin
 from ps_fmu.mechanism.parameters import load
-from ps_fmu.paper.figures import fig07
-from ps_fmu.paper.figures.fig07 import scenario as trajectories
-from ps_fmu.paper.figures.fig07.analysis import LIMITS, analyse, extremes
-from ps_fmu.paper.figures.fig07.plots import explore_paths
-from ps_fmu.paper.figures.fig07.results import METHODS, PLANES, PathResult, quadrilateral, random_walk
+from ps_fmu.paper.figures.fig07 import report as trajectories
+from ps_fmu.paper.figures.fig07 import runs
+from ps_fmu.paper.figures.fig07.report import LIMITS, analyse, explore_paths, extremes
+from ps_fmu.paper.figures.fig07.runs import METHODS, PLANES, PathResult, quadrilateral, random_walk
 from ps_fmu.paper.published import published_numbers
 from ps_fmu.runs.execute import run_scenario
 from ps_fmu.runs.options import OptionError
 from ps_fmu.runs.publish import TargetError
+from ps_fmu.runs.scenario import SCENARIOS
 
 GEOMETRY = load().manipulator.geometry
 
@@ -28,10 +28,10 @@ def test_the_platform_points_at_its_targets(built_fmus, tmp_path, monkeypatch):
 
     One plane and the walk, five targets each, in coarse steps; then the limits of Table 1.
     """
-    monkeypatch.setattr(trajectories, "PLANES", {"roll-pitch": (0, 1)})
-    monkeypatch.setattr(trajectories, "COUNTS", (5,))
+    monkeypatch.setattr(runs, "PLANES", {"roll-pitch": (0, 1)})
+    monkeypatch.setattr(runs, "COUNTS", (5,))
     options = AnalysisOptions(tmp_path, built_fmus, progress=False)
-    result = analyse(options, replace(fig07.SCENARIO, step_s=5e-3))
+    result = analyse(options, replace(SCENARIOS["trajectories"], step_s=5e-3))
     result.write(tmp_path)
     content = json.loads((tmp_path / "trajectories.json").read_text())
     limits = {"trilateration": 1e-11, "Algorithm 1, 1e-06 m": 1e-3, "Algorithm 1, 2e-11 m": 1e-8}  # deg
@@ -63,8 +63,8 @@ def test_extremes_are_those_of_the_angles_in_their_order():
 
 
 def test_targets_out_of_reach_are_counted(make_options, ssv, capsys, monkeypatch):
-    monkeypatch.setattr(trajectories, "PLANES", {"roll-pitch": (0, 1)})
-    monkeypatch.setattr(trajectories, "draw_path", lambda file, results: file.touch())
+    monkeypatch.setattr(runs, "PLANES", {"roll-pitch": (0, 1)})
+    monkeypatch.setattr(trajectories, "path_pictures", lambda folder, results: [])
     explored = []
     keep = explored.extend  # returns None
     monkeypatch.setattr(trajectories, "explore_paths", lambda results: keep(results) or explore_paths(results))

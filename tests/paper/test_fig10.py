@@ -9,15 +9,15 @@ import pytest
 
 from ps_fmu.analyses.options import AnalysisOptions
 from ps_fmu.paper.bus_cases import CASES, load_case
-from ps_fmu.paper.figures import fig10
-from ps_fmu.paper.figures.fig10.analysis import analyse
-from ps_fmu.paper.figures.fig10.results import judge
+from ps_fmu.paper.figures.fig10.closed_form import judge
+from ps_fmu.paper.figures.fig10.report import analyse
 from ps_fmu.paper.published import published_numbers
+from ps_fmu.runs.scenario import SCENARIOS
 from ps_fmu.scenarios.shaking import Shaking
 
 SYSTEM = Path(__file__).parents[2] / "system" / "SystemStructure.ssd"
 STEP = 1e-3  # s
-SCENARIO = replace(fig10.SCENARIO, duration_s=3.0, step_s=STEP)
+SCENARIO = replace(SCENARIOS["stability"], duration_s=3.0, step_s=STEP)
 SHORT = Shaking(half_period=5.0, settling=15.0, band=(2.0, 30.0), step=STEP, stride=2)
 
 

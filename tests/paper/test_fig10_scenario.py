@@ -12,9 +12,9 @@ import pytest
 from ps_fmu.cosim import read_parameters
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.paper.bus_cases import case_start_values
-from ps_fmu.paper.figures.fig10 import scenario as stability
+from ps_fmu.paper.figures.fig10 import pulse, report
 from ps_fmu.paper.figures.fig10.plots import explore_responses
-from ps_fmu.paper.figures.fig10.pulse_response import PULSE_S
+from ps_fmu.paper.figures.fig10.pulse import PULSE_S
 from ps_fmu.runs.execute import run_scenario
 from ps_fmu.runs.options import OptionError
 
@@ -23,7 +23,7 @@ PARAMETERS = Path(__file__).parents[2] / "system" / "parameters"
 
 def test_predictions_are_of_the_parameters_of_the_run(make_options, ssv, monkeypatch, capsys):
     """Stiffer legs, of which the isolator knows in part, at another orientation."""
-    monkeypatch.setattr(stability, "CASES", ("LSM",))
+    monkeypatch.setattr(pulse, "CASES", ("LSM",))
     stiffness = load().manipulator.fine_legs[0].stiffness
     given = {f"plant.fine_leg_{leg}.stiffness": 1.5 * stiffness for leg in (1, 2, 3)}
     given |= {f"isolator.fine_leg_{leg}.stiffness": 1.4 * stiffness for leg in (1, 2, 3)}
@@ -69,8 +69,8 @@ def test_charts_show_each_case_without_and_with_the_isolator():
 
 def test_a_limit_is_said_to_be_exceeded_only_if_it_is():
     for limit, said in ((0.05, "Beyond the limit of 50.0 ms"), (0.2, "Within the limit of 200.0 ms")):
-        assert stability.limit_text(SimpleNamespace(delay=0.1, delay_limit=limit)) == said
-    assert "any delay" in stability.limit_text(SimpleNamespace(delay=0.1, delay_limit=np.inf))
+        assert report.limit_text(SimpleNamespace(delay=0.1, delay_limit=limit)) == said
+    assert "any delay" in report.limit_text(SimpleNamespace(delay=0.1, delay_limit=np.inf))
 
 
 def test_a_run_too_short_for_poles_is_refused(make_options):
@@ -80,8 +80,8 @@ def test_a_run_too_short_for_poles_is_refused(make_options):
 
 def test_pulse_leaves_neither_velocity_nor_displacement():
     time = np.linspace(0.0, PULSE_S, 4001)
-    velocity = np.cumsum(stability.pulse(time))
-    assert np.abs(stability.pulse(time)).max() == pytest.approx(1.0, abs=1e-6)
+    velocity = np.cumsum(pulse.pulse(time))
+    assert np.abs(pulse.pulse(time)).max() == pytest.approx(1.0, abs=1e-6)
     assert abs(velocity[-1]) < 1e-9 * np.abs(velocity).max()
     assert abs(velocity.sum()) < 1e-9 * np.abs(velocity).sum()
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ps_fmu.cli import main
-from ps_fmu.cosim.ssp.ssv import read_parameters
+from ps_fmu.cosim.ssp.parameters import read_parameters
 from ps_fmu.interface.start_values import differences
 from ps_fmu.mechanism.forward_kinematics import ForwardKinematicsError
 from ps_fmu.mechanism.parameters import load

@@ -21,20 +21,20 @@ from ps_fmu.paper import overview
 from ps_fmu.paper.bus_cases import CASES
 from ps_fmu.paper.errata import Erratum, errata_table
 from ps_fmu.paper.figures import fig06 as workspace
-from ps_fmu.paper.figures import fig10, table2
 from ps_fmu.paper.figures.fig06 import compute_reach
-from ps_fmu.paper.figures.fig07 import analysis as trajectories
+from ps_fmu.paper.figures.fig07 import report as trajectories
 from ps_fmu.paper.figures.fig08_11 import analysis as transmissibility
 from ps_fmu.paper.figures.fig08_11.measured import Setup
-from ps_fmu.paper.figures.fig10 import analysis as stability
+from ps_fmu.paper.figures.fig10 import report as stability
+from ps_fmu.paper.figures.fig10.closed_form import judge
 from ps_fmu.paper.figures.fig10.open_loop import SHAKING
-from ps_fmu.paper.figures.fig10.results import judge
-from ps_fmu.paper.figures.table2 import analysis as jitter
+from ps_fmu.paper.figures.table2 import report as jitter
 from ps_fmu.paper.figures.table2.closed_form import ORIENTATIONS, knowledge_text
-from ps_fmu.paper.figures.table2.results import nominal_densities
+from ps_fmu.paper.figures.table2.runs import nominal_densities
 from ps_fmu.paper.published import published_numbers
 from ps_fmu.results.report import Picture
 from ps_fmu.results.tables import Table
+from ps_fmu.runs.scenario import SCENARIOS
 from ps_fmu.scenarios.shaking import Shaking
 from ps_fmu.theory.transmissibility import singular_values_db
 
@@ -194,10 +194,10 @@ def today(curves, jitter_results):
     verdicts = {case: judge(case, delay) for case in CASES}
     limits_s = {case: verdict.delay_limit for case, verdict in verdicts.items()}
     seen = (
-        verdicts, stored_runs.open_loops(SHAKING.lines), stored_runs.responses(limits_s, fig10.SCENARIO.step_s)
+        verdicts, stored_runs.open_loops(SHAKING.lines), stored_runs.responses(limits_s, SCENARIOS["stability"].step_s)
     )  # fmt: skip
     limits, beyond = stored_runs.limit_results(trajectories.extremes()[0])
-    densities = nominal_densities(load(), table2.SCENARIO.step_s)
+    densities = nominal_densities(load(), SCENARIOS["table2"].step_s)
     return {
         "workspace": (workspace.paragraphs(reach), workspace.tables(reach)),
         "trajectories": (

@@ -8,11 +8,10 @@ import pytest
 
 from ps_fmu.analyses.options import AnalysisOptions
 from ps_fmu.mechanism.parameters import load
-from ps_fmu.paper.figures import table2 as table2_figure
-from ps_fmu.paper.figures.table2 import analysis as jitter
-from ps_fmu.paper.figures.table2 import scenario as table2
-from ps_fmu.paper.figures.table2.closed_form import LOOP_DELAY
-from ps_fmu.paper.figures.table2.results import shares
+from ps_fmu.paper.figures.table2 import report as jitter
+from ps_fmu.paper.figures.table2.closed_form import LOOP_DELAY, ORIENTATIONS
+from ps_fmu.paper.figures.table2.runs import shares
+from ps_fmu.runs.scenario import SCENARIOS
 from ps_fmu.theory.loop import loop_at
 from ps_fmu.theory.transmissibility import jitter_density
 
@@ -21,15 +20,15 @@ from ps_fmu.theory.transmissibility import jitter_density
 def found(built_fmus, tmp_path_factory):
     """The analysis of two orientations, short and with coarse steps, and its folder."""
     output = tmp_path_factory.mktemp("jitter")
-    all_four = dict(table2.ORIENTATIONS)
+    all_four = dict(ORIENTATIONS)
     for name in ("roll", "pitch"):
-        del table2.ORIENTATIONS[name]
-    scenario = replace(table2_figure.SCENARIO, duration_s=20.0, step_s=1e-3)
+        del ORIENTATIONS[name]
+    scenario = replace(SCENARIOS["table2"], duration_s=20.0, step_s=1e-3)
     try:
         analysis = jitter.analyse(AnalysisOptions(output, built_fmus, progress=False), scenario)
     finally:  # in their order, too
-        table2.ORIENTATIONS.clear()
-        table2.ORIENTATIONS.update(all_four)
+        ORIENTATIONS.clear()
+        ORIENTATIONS.update(all_four)
     analysis.write(output)
     return analysis, output
 

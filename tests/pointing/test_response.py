@@ -1,11 +1,13 @@
-"""Frequency response from periodic records, of a known system."""
+"""Frequency response of a known system from periodic records, and poles from a free motion."""
+
+import math
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.signal import cont2discrete, dfreqresp, dlsim
 
-from ps_fmu.pointing.response import periodic_response
+from ps_fmu.pointing.response import free_poles, periodic_response, rightmost, slowest_mode
 
 STEP, ROWS = 0.01, 1000  # s, rows of a period
 LINES = np.arange(5, 300, 2) / (STEP * ROWS)  # Hz, odd bins
@@ -64,3 +66,31 @@ def test_what_cannot_be_estimated_is_refused(system):
         periodic_response(inputs[:2], outputs[:2], STEP, LINES)
     with pytest.raises(ValueError, match=r"multiples of 0\.1 Hz"):
         periodic_response(inputs, outputs, STEP, LINES + 0.01)
+
+
+STEP_S = 0.01
+POLES = np.array([-0.4 + 33.0j, 0.3 + 36.0j, -19.0 + 26.0j, -0.01 + 3.0j])  # rad/s
+
+
+def motion(poles=POLES):
+    """Three signals in which each mode has a shape of its own."""
+    time = np.arange(400) * STEP_S
+    shapes = np.random.default_rng(3).normal(size=(len(poles), 3))
+    return (np.exp(np.outer(time, poles)) @ shapes).real
+
+
+def test_poles_are_found():
+    found = free_poles(motion(), STEP_S, order=8)
+    expected = np.concatenate([POLES, POLES.conj()])
+    assert np.sort_complex(found) == pytest.approx(np.sort_complex(expected), abs=1e-4)
+
+
+@pytest.mark.parametrize("order", [8, 24])
+def test_the_rightmost_in_the_band_whatever_the_order(order):
+    """With 24, rounding makes spurious poles, some of them unstable; they have no share in the motion."""
+    assert slowest_mode(motion(), STEP_S, order, (2.0, 20.0)) == pytest.approx(POLES[1], abs=1e-4)
+    assert slowest_mode(motion(POLES[2:]), STEP_S, order, (2.0, 20.0)) == pytest.approx(POLES[2], abs=1e-2)
+
+
+def test_no_pole_in_the_band():
+    assert math.isnan(rightmost(POLES, (20.0, 30.0)).real)

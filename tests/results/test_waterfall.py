@@ -8,14 +8,14 @@ from matplotlib import image
 from support.waterfalls import FLOOR, PEAK, make_waterfall
 
 from ps_fmu.results.page.packing import encode_levels
-from ps_fmu.results.waterfall import RANGE_DB, Mode, Panel, draw_waterfall, name_group
+from ps_fmu.results.waterfall import RANGE_DB, CasePanel, ModeLine, draw_waterfall, name_group
 
 
 def test_levels_are_decibels_of_the_largest_and_end_at_the_floor():
     shown = make_waterfall()
     levels = shown.levels(shown.panels[0])
     assert (levels.max(), levels.min()) == (0.0, pytest.approx(20.0 * np.log10(FLOOR / PEAK)))
-    silent = replace(shown, panels=[Panel("silent", 0.0 * shown.panels[0].amplitude)])
+    silent = replace(shown, panels=[CasePanel("silent", 0.0 * shown.panels[0].amplitude)])
     assert silent.largest == 1.0 and (silent.levels(silent.panels[0]) == -RANGE_DB).all()
 
 
@@ -29,12 +29,12 @@ def test_levels_are_bytes():
 def test_panels_that_do_not_fit_are_refused():
     shown = make_waterfall()
     with pytest.raises(ValueError, match=r"case 'odd': expected amplitudes of shape \(101, 401\)"):
-        replace(shown, panels=[Panel("odd", np.zeros((3, 4)))])
+        replace(shown, panels=[CasePanel("odd", np.zeros((3, 4)))])
 
 
 def test_neighbours_share_a_label():
-    assert name_group([Mode("truss mode 1", 208.16)]) == "truss mode 1"
-    several = [Mode("bus mode 4", 0.452), Mode("bus mode 1", 0.461), Mode("fine legs a", 5.14)]
+    assert name_group([ModeLine("truss mode 1", 208.16)]) == "truss mode 1"
+    several = [ModeLine("bus mode 4", 0.452), ModeLine("bus mode 1", 0.461), ModeLine("fine legs a", 5.14)]
     assert name_group(several) == "bus modes, fine legs"
 
 

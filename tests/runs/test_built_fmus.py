@@ -157,7 +157,7 @@ def test_an_interrupted_build_leaves_no_fmu(installed, monkeypatch):
     def interrupted(fmu):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(build.smoke, "check", interrupted)
+    monkeypatch.setattr(build, "check_trial", interrupted)
     with pytest.raises(KeyboardInterrupt):
         provide_fmus(find_built_folder())
     assert [path for path in find_cache().rglob("*") if path.is_file()] == []

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from ps_fmu.cosim import read_parameters
-from ps_fmu.cosim.ssp.xml_parts import start_values_xml
+from ps_fmu.cosim.ssp.writing import start_values_xml
 from ps_fmu.cosim.structure import Parameter
 from ps_fmu.interface.agreement import APART
 from ps_fmu.runs.cases import Case, run_case
@@ -101,7 +101,7 @@ def test_what_is_meant_is_said_in_the_file(warnings_of, tmp_path):
     noted = Parameter(14.0, "kg", "", frozenset({APART}))
     values = {"isolator.payload.mass": noted, "isolator.delay": Parameter(0.0, "s", "")}
     path.write_bytes(start_values_xml(values, "a--b"))
-    assert read_parameters(path).notes == {"isolator.payload.mass": frozenset({APART})}
+    assert read_parameters(path).entries()["isolator.payload.mass"].notes == {APART}
     assert warnings_of(path) == []
     # What a case sets in place of it is not what the file says.
     assert len(warnings_of(path, {"isolator.payload.mass": 13.0})) == 1

@@ -282,7 +282,7 @@ def test_any_system_goes_on(inputs, run, tmp_path, capsys):
     words = [str(tmp_path / "own.ssp"), "--step", "1e-4", "--duration", "0.4", "--observe", "plant.*", "--no-figures"]
     assert run(*words, "--output", tmp_path / "whole")[0] == 0
     again = [*words, "--checkpoint", "0.05", "--output", str(tmp_path / "out")]
-    done = start(inputs, *again, driver=(str(DRIVER), "names", "11"))
+    done = start(inputs, *again, driver=(str(DRIVER), "names", "8"))
     assert done.returncode == -signal.SIGKILL, done.stderr
     assert [path.name for path in sorted((tmp_path / "out" / "checkpoint" / "run").glob("row-*"))] == [
         "row-000000002000.msgpack", "row-000000002500.msgpack",

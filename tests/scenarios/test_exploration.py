@@ -5,6 +5,7 @@ import json
 import re
 from copy import copy
 from dataclasses import replace
+from types import SimpleNamespace
 
 import netCDF4
 import numpy as np
@@ -12,14 +13,26 @@ import pytest
 from support.reports import VERDICTS
 
 from ps_fmu.mechanism.parameters import load
-from ps_fmu.paper.figures.table2 import scenario as table2
+from ps_fmu.paper.figures.table2 import runs as table2_runs
 from ps_fmu.runs.execute import run_scenario
 from ps_fmu.runs.publish import NotMetError
 from ps_fmu.runs.setup import load_system
 from ps_fmu.scenarios import isolation
-from ps_fmu.scenarios.exploration import MOTION, read_geometry, read_motion, show_mechanism
+from ps_fmu.scenarios import pointing_report as pointing
+from ps_fmu.scenarios.exploration import (
+    FEWEST_ROWS,
+    MOTION,
+    chart_settled,
+    read_geometry,
+    read_motion,
+    shorten_name,
+    show_mechanism,
+)  # fmt: skip
 
 LARGEST_BYTES = 5e6
+STEP, LINE_HZ, AMPLITUDE = 0.01, 5.0, 1e-6
+NAMES = ("x", "y")
+TIME = STEP * np.arange(4096)
 
 
 def read_data(options):
@@ -41,7 +54,7 @@ def test_the_report_of_isolation_shows_what_was_stored(make_options):
     options = make_options("isolation", 0.5, step_s=1e-3)
     run_scenario(options)
     data = read_data(options)
-    histories, spectra = data["groups"]
+    histories, spectra = data["charts"]
     assert [chart["title"] for chart in histories["charts"]] == [f"payload rotation {axis}" for axis in "xyz"]
     for chart, axis in zip(histories["charts"], "xyz", strict=True):
         for curve in chart["curves"]:
@@ -62,29 +75,29 @@ def test_the_report_of_isolation_shows_what_was_stored(make_options):
 
 def test_the_report_of_table2_shows_all_orientations_and_the_mechanism_at_the_first(make_options, monkeypatch):
     orientations = {"nominal": (0.0, 0.0, 0.0), "yaw": (0.0, 0.0, 14.0)}
-    monkeypatch.setattr(table2, "ORIENTATIONS", orientations)
-    monkeypatch.setattr(table2, "SETTLING_S", 0.0)
+    monkeypatch.setattr(table2_runs, "ORIENTATIONS", orientations)
+    monkeypatch.setattr(table2_runs, "SETTLING_S", 0.0)
     options = make_options("table2", 0.5, step_s=1e-3, storage_step_s=1e-3)
     run_scenario(options)
     data = read_data(options)
     assert not list(options.output.glob("*.png"))
     page = (options.output / "report.html").read_text(encoding="utf-8")
     for place in ("(0, 0, 0)", "(0, 0, 14)"):
-        assert f"{place} deg: Rotation of the payload by vibration" in page
-        assert f"{place} deg: Image point of the boresight" in page
+        assert f"Rotation of the payload by vibration, axes of P, at {place} deg" in page
+        assert f"Image point of the boresight at {place} deg" in page
     for k, yaw in enumerate((0, 14)):
-        (passive, _) = data["groups"][2 * k]["charts"][2]["curves"]
+        (passive, _) = data["charts"][2 * k]["charts"][2]["curves"]
         rows = stored(options, f"roll0_pitch0_yaw{yaw}_passive", "plant.payload_rotation.z")
         ends = decode(passive["low"]).min(), decode(passive["high"]).max()  # bins of several rows but for the first
         np.testing.assert_allclose(ends, (rows.min(), rows.max()), rtol=1e-6)
-    assert len(data["groups"]) == 4 and len(data["clouds"]) == 2
+    assert len(data["charts"]) == 4 and len(data["clouds"]) == 2
     assert [len(motion["nominalOrientation"]) > 0 for motion in data["mechanism"]["motions"]] == [True, True]
 
 
 def test_the_cumulative_rms_ends_at_that_of_the_spectrum(make_options):
     options = make_options("isolation", 0.5, step_s=1e-3)
     run_scenario(options)
-    _, spectra = read_data(options)["groups"]
+    _, spectra = read_data(options)["charts"]
     for density, below in zip(spectra["charts"][:3], spectra["charts"][3:], strict=True):
         step = spectra["axis"]["step"]  # so short a run has a band for each frequency
         for psd, rms in zip(density["curves"], below["curves"], strict=True):
@@ -113,7 +126,7 @@ def test_a_slew_is_played_along_its_nominal_pose(make_options, ssv):
     options = make_options("slew", 20.0, step_s=0.02, parameters=(quick,))
     run_scenario(options)
     data = read_data(options)
-    assert [len(group["charts"]) for group in data["groups"]] == [9, 6]
+    assert [len(group["charts"]) for group in data["charts"]] == [12, 6]
     motion = data["mechanism"]["motions"][1]
     assert motion["label"] == "isolator on"
     roll = decode(motion["nominalOrientation"]).reshape(-1, 3)[:, 0]
@@ -152,4 +165,60 @@ def test_motion_of_a_long_run_is_read_in_parts(tmp_path, monkeypatch):
 def test_an_explored_run_too_short_for_a_spectrum_has_none(make_options):
     options = make_options("isolation", 3e-4)
     run_scenario(options)
-    assert len(read_data(options)["groups"]) == 1
+    assert len(read_data(options)["charts"]) == 1
+
+
+def test_names_are_shown_in_words():
+    assert shorten_name("plant.payload_rotation.x") == "payload rotation x"
+
+
+def shake(drift=0.0):
+    """Rows (n, 2) with a line, and a drift that is no part of the spectrum."""
+    line = AMPLITUDE * np.sin(2.0 * np.pi * LINE_HZ * TIME) + drift * TIME
+    return np.column_stack([line, 0.5 * line])
+
+
+def test_a_line_and_its_rms_without_the_drift():
+    cases = (("off", "passive", shake(1e-6)), ("on", "active", 0.1 * shake()))
+    (group,) = chart_settled("error", NAMES, (10.0, 50.0), cases, STEP)
+    assert group.title == "Spectra of the settled part: error" and "From 10 to 50 s" in group.caption
+    assert [chart.title for chart in group.charts] == [
+        "x, PSD", "y, PSD", "x, RMS below frequency", "y, RMS below frequency",
+    ]  # fmt: skip
+    for chart, scale in zip(group.charts, (1.0, 0.5, 1.0, 0.5), strict=True):
+        off, on = chart.curves
+        if chart.title.endswith("PSD"):
+            assert group.axis.values[np.nanargmax(off.low)] == pytest.approx(LINE_HZ, rel=0.02)
+            continue
+        rms = scale * AMPLITUDE / np.sqrt(2.0)
+        assert off.low[-1] == pytest.approx(rms, rel=0.02)
+        assert on.low[-1] == pytest.approx(0.1 * rms, rel=0.02)
+
+
+def test_what_the_rows_have_filtered_away_is_not_drawn():
+    (group,) = chart_settled("error", NAMES, (0.0, 41.0), [("on", "active", shake())], STEP, highest_hz=8.0)
+    assert group.axis.values[-1] <= 8.0
+    assert "filtered to 8 Hz" in group.caption
+
+
+@pytest.mark.parametrize("values", [np.zeros((100, 2)), shake()[: FEWEST_ROWS - 1]])
+def test_what_is_at_rest_or_too_short_has_no_spectrum(values):
+    assert chart_settled("error", NAMES, (0.0, 1.0), [("on", "active", values)], STEP) == []
+
+
+def test_the_pointing_error_is_taken_while_the_loop_is_locked():
+    """The rows of the phase, and no others; without that phase there is no spectrum."""
+    quiet = shake()
+    late = TIME >= 20.0
+    record = SimpleNamespace(
+        time=TIME,
+        error=np.column_stack([np.where(late, value, 1.0) for value in (*quiet.T, quiet[:, 0])]),
+        span=lambda first, last: (first <= TIME) & (last > TIME),
+        phases=lambda: {"locked": (20.0, 40.0)},
+    )
+    (group,) = pointing._chart_settled(SimpleNamespace(off=record, on=record))
+    assert group.title == "Spectra of the settled part: error while the loop is locked, axes of P"
+    assert len(group.charts) == 6
+    assert group.charts[3].curves[0].low[-1] == pytest.approx(AMPLITUDE / np.sqrt(2.0), rel=0.02)
+    record.phases = dict
+    assert pointing._chart_settled(SimpleNamespace(off=record, on=record)) == []

@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from ps_fmu.cosim import CosimError, UsageError, description
-from ps_fmu.paper.figures.table2 import scenario as table2
+from ps_fmu.paper.figures.table2 import report as table2
+from ps_fmu.paper.figures.table2 import runs as table2_runs
 from ps_fmu.runs import setup
 from ps_fmu.runs.execute import run_scenario
 from ps_fmu.runs.options import OptionError
@@ -151,18 +152,21 @@ def test_table2(make_options, ssv, monkeypatch):
     """Lead-in, groups and entries; the values need a whole period, and the window says so."""
     # The pictures of an orientation are those of the scenario isolation; here they are most of the time.
     drawn = []
-    monkeypatch.setattr(table2, "draw_comparison", lambda comparison, folder, prefix: drawn.append(prefix) or [])
-    monkeypatch.setattr(table2, "SETTLING_S", 0.0)
+    monkeypatch.setattr("ps_fmu.runs.publish.draw_exploration", lambda explored, _: drawn.append(explored) or [])
+    monkeypatch.setattr(table2_runs, "SETTLING_S", 0.0)
     quick = ssv({"disturbance.rise_time": 0.1, "commander.target.yaw": 0.1})
     options = make_options("table2", 0.2, step_s=1e-3, parameters=(quick,), figures=True)
     summary = run(options)
     names = ["roll0_pitch0_yaw0", "roll8.5_pitch0_yaw0", "roll0_pitch-7_yaw0", "roll0_pitch0_yaw14"]
     page = check_files(options, [f"{name}_{case}" for name in names for case in ("passive", "active")], 31)
-    assert drawn == [f"{name}_" for name in names]
+    assert [still.file for group in drawn[0].charts for still in group.stills] == [
+        f"{name}_{what}.png" for name in names for what in ("jitter", "spectra")
+    ]
+    assert [group.file for group in drawn[0].clouds] == [f"{name}_image_point.png" for name in names]
     assert summary["statistics_from_s"] == pytest.approx(0.1)
     assert summary["statistics_to_s"] == pytest.approx(0.3)
     entries = summary["orientations"]
-    assert [tuple(entry["orientation_deg"]) for entry in entries] == list(table2.ORIENTATIONS.values())
+    assert [tuple(entry["orientation_deg"]) for entry in entries] == list(table2_runs.ORIENTATIONS.values())
     assert summary["rms_passive_rad"] == entries[0]["rms_passive_rad"]
     for entry in entries:
         assert len(entry["drift_passive_rad"]) == len(entry["drift_active_rad"]) == 3
@@ -186,8 +190,7 @@ def test_table2_speaks_of_the_second_axis_only_of_the_papers_system(make_options
 
 
 def test_table2_with_orientations_out_of_reach(make_options, ssv, monkeypatch, capsys):
-    monkeypatch.setattr(table2, "draw_comparison", lambda comparison, folder, prefix: [])
-    monkeypatch.setattr(table2, "SETTLING_S", 0.0)
+    monkeypatch.setattr(table2_runs, "SETTLING_S", 0.0)
     short = {"disturbance.rise_time": 0.1, "commander.coarse_stroke.min": -0.01, "commander.coarse_stroke.max": 0.01}
     options = make_options("table2", 0.2, step_s=1e-3, parameters=(ssv(short),))
     with pytest.raises(TargetError, match=r"The target \(0, -7, 0\) deg is out of reach"):
@@ -203,7 +206,7 @@ def test_table2_with_orientations_out_of_reach(make_options, ssv, monkeypatch, c
     [(100.0, 100.0), (20.0, 20.0), (19.9, 100.0), (0.5, 100.0), (2000.0, 1000.0), (1500.0, 750.0)],
 )
 def test_period_of_the_disturbance(duration, period):
-    assert table2.period_s(duration) == period
+    assert table2_runs.period_s(duration) == period
 
 
 QUICK_SLEW = {"commander.target.roll": math.radians(0.5), "plant.relinearisation_distance": 1e-3}

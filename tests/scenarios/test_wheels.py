@@ -12,9 +12,16 @@ from ps_fmu.disturbance.wheels import Harmonics, WheelSource
 from ps_fmu.product.files import find_product
 from ps_fmu.runs.execute import run_scenario
 from ps_fmu.runs.options import OptionError
-from ps_fmu.scenarios.wheel_crossings import Wheel, find_crossings, measure_crossings
-from ps_fmu.scenarios.wheel_report import CaseLines, describe_speed, describe_worst, list_worst, make_waterfall
-from ps_fmu.scenarios.wheel_spectrogram import Spectrogram, make_spectrogram, measure_ellipse, track_line
+from ps_fmu.scenarios.wheel_lines import (
+    Spectrogram,
+    Wheel,
+    find_crossings,
+    make_spectrogram,
+    measure_crossings,
+    measure_ellipse,
+    track_line,
+)
+from ps_fmu.scenarios.wheels import CaseLines, describe_speed, describe_worst, list_worst, make_waterfall
 from ps_fmu.theory.natural_modes import NaturalMode
 
 STEP, DURATION = 1e-3, 60.0  # s

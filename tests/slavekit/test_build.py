@@ -172,7 +172,7 @@ def test_an_fmu_carries_what_it_needs_under_its_own_names(built):
         contents |= {name: archive.read(name) for name in archive.namelist()}
     script = sha256(MODELS / "oscillator" / "oscillator.py")[:12]
     assert {f"oscillator_{script}.py", "slavekit/author/slave.py", "pythonfmu/fmi2slave.py"} <= inside
-    assert not {"slavekit/pack/build.py", "slavekit/pack/smoke.py", "cli.py", "pythonfmu/builder.py"} & inside
+    assert not {"slavekit/pack/build.py", "slavekit/pack/trial.py", "cli.py", "pythonfmu/builder.py"} & inside
     for name in ("index.html", "externalDependencies.txt", "licenses/license.txt", "licenses/pythonfmu.txt"):
         assert contents[f"documentation/{name}"]
     assert "model.png" not in names  # the toy has no icon

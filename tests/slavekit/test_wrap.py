@@ -16,8 +16,7 @@ from support.page import build_with_pythonfmu, write_example
 
 import ps_fmu
 from ps_fmu.cli import main
-from ps_fmu.slavekit.pack.from_source import build_script
-from ps_fmu.slavekit.pack.wrap import BuildError, wrap
+from ps_fmu.slavekit.pack.foreign import BuildError, build_script, wrap
 
 TOYS = Path(__file__).parents[1] / "cosim" / "toys"
 SLAVE = "resources/tank.py"
@@ -266,14 +265,14 @@ from xml.etree import ElementTree
 folder, script, stock = map(Path, sys.argv[1:])
 sys.path.insert(0, str(folder))
 import ps_fmu.slavekit.author.slave
-from ps_fmu.slavekit.pack import smoke
-from ps_fmu.slavekit.pack.from_source import build_script
-from ps_fmu.slavekit.pack.wrap import wrap
+from ps_fmu.slavekit.pack.stages import check_trial
+from ps_fmu.slavekit.pack.foreign import build_script
+from ps_fmu.slavekit.pack.foreign import wrap
 assert Path(ps_fmu.__file__).parent == folder / "ps_fmu"
 built, _ = build_script(script, output=folder)
 wrapped, _ = wrap(stock, folder / "wrapped.fmu")
 for fmu in (built, wrapped):
-    smoke.check(fmu)
+    check_trial(fmu)
 print(*sorted(name for name in sys.modules if name.count(".") == 1 and name.startswith("ps_fmu.")))
 """
 

@@ -13,7 +13,8 @@ from support.linear import make_oscillator
 from support.processes import PATIENCE_S, end_with_children, start_dask, wait_for_scheduler
 from support.relays import make_relay
 
-from ps_fmu.studies.reading import read_study
+from ps_fmu.studies import cluster
+from ps_fmu.studies.study import read_study
 from ps_fmu.studies.sweep import SweepOptions, prepare
 
 TOY = Path(__file__).parent / "toys" / "toy_study.py"
@@ -47,6 +48,12 @@ distribution = "uniform"
 low = "1"
 high = "2"
 """
+
+
+def list_missing(store, cases):
+    """Those of the cases from 0 on that have no row, in order."""
+    done = store.read_statuses()
+    return [case for case in range(cases) if case not in done]
 
 
 @pytest.fixture(scope="session")
@@ -112,6 +119,13 @@ def make_prepared(write_study, toy_fmus, tmp_path):
 def read(write_study, toy_fmus):
     """Reads a study of the toy, see ``write_study``."""
     return lambda *arguments, **named: replace(read_study(write_study(*arguments, **named)), fmus=toy_fmus)
+
+
+@pytest.fixture(scope="session")
+def address():
+    """Of the scheduler of a cluster with two workers, which all tests of a session share."""
+    with cluster.connect(None, 2) as client:
+        yield client.scheduler.address
 
 
 @pytest.fixture

@@ -1,6 +1,10 @@
-"""Rows of cases: the numbers are those of the signals, and whatever a case does, its neighbours are computed."""
+"""Rows of cases: the numbers are those of the signals, and whatever a case does, its neighbours are computed.
+
+FMUs may have processes of their own: the rows are the same, and a case that breaks its FMU costs nothing more.
+"""
 
 import json
+import re
 import signal
 import subprocess
 import sys
@@ -13,8 +17,9 @@ from support.processes import PATIENCE_S, wait_until
 
 from ps_fmu.cosim import Master
 from ps_fmu.pointing.indices import AbsoluteError, RelativeError
+from ps_fmu.requirements.quantity import Delay, Names, Time
 from ps_fmu.studies.case_runner import CaseRunner
-from ps_fmu.studies.indices import IndexRecord
+from ps_fmu.studies.observed import IndexRecord
 from ps_fmu.studies.rows import DONE, FAILED, KILLED, LATE, StartError, VersionError
 from ps_fmu.studies.study import Observed
 from ps_fmu.studies.worker import CaseProcess
@@ -72,9 +77,9 @@ def test_a_mixed_requirement_is_judged_by_all_times_of_all_cases(write_study, ma
     """The quantile of all values, from the histograms in the rows."""
     from ps_fmu.cosim.rows import make_layout
     from ps_fmu.requirements.requirement import read_requirements
+    from ps_fmu.studies.bundle import open_folder
     from ps_fmu.studies.outcome import collect, find_compliance
     from ps_fmu.studies.rows import RowStore
-    from ps_fmu.studies.study_folder import open_folder
     from ps_fmu.studies.sweep import compare_rows
 
     kinds = ("mixed", "temporal", "ensemble")
@@ -127,7 +132,9 @@ def run_values(prepared):
 def test_how_the_rows_are_cut_into_blocks_does_not_matter():
     columns = [type("Column", (), {"name": f"a.e.{axis}", "type": "Real", "unit": "rad"}) for axis in "xy"]
     values = np.random.default_rng(3).standard_normal((103, 2))
-    observed = Observed("", ("a.e",), (AbsoluteError(), RelativeError(0.01, "end")), settling_s=0.005)
+    observed = Observed(
+        signal=Names(["a.e"]), index=Names(["APE", "RPE"]), window=Time(0.01), at="end", settling=Delay(0.005)
+    )  # fmt: skip
     found = []
     for block in (1, 7, 103):
         record = IndexRecord(observed, columns, 1e-3)
@@ -145,22 +152,18 @@ def test_a_process_gives_the_rows_that_this_process_computes(folder, run_cases):
     assert without_time(run_cases(values)) == without_time([runner.run(i, own) for i, own in enumerate(values)])
 
 
-@pytest.mark.parametrize(
-    ("mode", "status", "error"),
-    [
-        ("raise", FAILED, "the model broke"),
-        ("nan", FAILED, "not a finite number"),
-        ("exit", KILLED, "exit code 3; it printed: about to leave"),
-        ("end", KILLED, "exit code "),
-        ("crash", KILLED, "signal SIGSEGV"),
-    ],
-)
-def test_a_case_that_breaks_has_a_row_and_its_neighbours_are_computed(run_cases, mode, status, error):
-    good = run_cases([GAIN, GAIN, GAIN])
-    rows = run_cases([GAIN, {**GAIN, "toy.mode": mode}, GAIN])
-    assert [row["status"] for row in rows] == [DONE, status, DONE]
-    assert error in rows[1]["error"]
-    assert without_time([rows[0], rows[2]]) == without_time([good[0], good[2]])
+def test_a_case_that_breaks_has_a_row_and_its_neighbours_are_computed(run_cases):
+    broken = {
+        "raise": (FAILED, "the model broke"),
+        "nan": (FAILED, "not a finite number"),
+        "exit": (KILLED, "exit code 3; it printed: about to leave"),
+        "end": (KILLED, "exit code "),
+        "crash": (KILLED, "signal SIGSEGV"),
+    }
+    good, *rows = run_cases([GAIN, *(values for mode in broken for values in ({**GAIN, "toy.mode": mode}, GAIN))])
+    for (status, error), row, after in zip(broken.values(), rows[::2], rows[1::2], strict=True):
+        assert row["status"] == status and error in row["error"]
+        assert without_time([after]) == without_time([{**good, "case": after["case"]}])
 
 
 def test_a_case_that_hangs_is_ended(run_cases):
@@ -223,3 +226,61 @@ def test_damaged_files_are_refused(make_prepared, tmp_path):
     bundle = make_prepared().bundle
     with pytest.raises(ValueError, match="damaged"):
         replace(bundle, files={**bundle.files, "task.json": b"{}"}).unpack(tmp_path)
+
+
+@pytest.fixture
+def unpack(make_prepared, tmp_path):
+    """Makes the unpacked files of a study of the toy, with these lines more in [study]."""
+    return lambda *more: make_prepared(changes={"seed = 7": "\n".join(["seed = 7", *more])}).bundle.unpack(tmp_path)
+
+
+@pytest.fixture
+def isolate(unpack):
+    """Makes a process for the cases of a study with isolated FMUs; with these lines more in [study]."""
+    made = []
+
+    def make(*more):
+        made.append(CaseProcess(unpack("isolate = true", *more), memory_bytes=1_000_000_000, isolates=True))
+        return made[-1]
+
+    yield make
+    for process in made:
+        process.close()
+
+
+def test_rows_are_those_of_the_same_process(unpack, isolate):
+    cases = [{**GAIN, "toy.seed": seed} for seed in (1, 2)]
+    plain = CaseRunner(unpack())
+    expected = [plain.run(place, own) for place, own in enumerate(cases)]
+    assert without_time(isolate().run(enumerate(cases))) == without_time(expected)
+
+
+@pytest.mark.parametrize(
+    ("mode", "more", "error"),
+    [
+        ("exit", (), r"toy: fmi2DoStep at t = 0.051 s .*exit code 3"),
+        ("crash", (), r"toy: fmi2DoStep at t = 0.051 s .*SIGSEGV"),
+        ("hang", ['step_timeout = "2 s"'], r"toy: fmi2DoStep at t = 0.051 s .*within 2 s"),
+    ],
+)
+def test_a_case_says_when_its_fmu_ended_and_the_process_of_the_cases_stays(isolate, mode, more, error):
+    isolated, pids, rows = isolate(*more), [], []
+    for row in isolated.run(enumerate([GAIN, {**GAIN, "toy.mode": mode}, GAIN])):
+        rows.append(row)
+        pids.append(isolated.pid)
+    assert [row["status"] for row in rows] == [DONE, FAILED, DONE]
+    assert pids == pids[:1] * 3
+    assert re.search(error, rows[1]["error"])
+
+
+def test_the_memory_of_the_fmus_counts(isolate):
+    # The time-out cannot come first: on a busy machine an FMU takes seconds to fill 1 GB.
+    rows = list(isolate('step_timeout = "1000 s"').run(enumerate([GAIN, {**GAIN, "toy.mode": "eat"}, GAIN])))
+    assert [row["status"] for row in rows] == [DONE, KILLED, DONE]
+    assert "1000000000 bytes of memory" in rows[1]["error"]
+
+
+def test_the_choice_travels_with_the_study(unpack):
+    isolation = CaseRunner(unpack('isolate = ["toy"]', 'step_timeout = "5 s"')).task.isolation
+    assert (isolation.names, isolation.step_timeout_s) == ({"toy"}, 5.0)
+    assert CaseRunner(unpack()).task.isolation is None

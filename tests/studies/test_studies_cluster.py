@@ -9,8 +9,8 @@ import pytest
 from support.processes import PATIENCE_S, end_with_children, start_dask, wait_for_scheduler, wait_until
 
 from ps_fmu.studies import cluster
+from ps_fmu.studies.bundle import open_folder
 from ps_fmu.studies.rows import DONE, KILLED, ClusterError, RowStore
-from ps_fmu.studies.study_folder import open_folder
 
 
 def count_messages(dask_scheduler):
@@ -31,19 +31,20 @@ def leave(_):
     os._exit(1)
 
 
-def test_the_environment_is_as_before():
-    """What the workers are started with ends with them: other programs that this process starts do not get it."""
+@pytest.fixture(scope="module")
+def local():
+    """A cluster of one worker.  What it is started with ends with it: other programs of this process do not get it."""
     before = dict(os.environ)
     with cluster.connect(None, 1) as client:
         assert client.submit(os.getenv, "PYTHONSAFEPATH", pure=False).result() == "1"
+        yield client
     assert dict(os.environ) == before
 
 
-def test_processes_do_not_grow_with_the_time_that_a_study_takes():
-    with cluster.connect(None, 1) as client:
-        profiled, samples, transitions = client.submit(ask_worker, pure=False).result()
-        monitored = client.run_on_scheduler(lambda dask_scheduler: dask_scheduler.monitor.maxlen)
-        messages = [*client.run_on_scheduler(count_messages), client.scheduler_comm.recent_message_log.maxlen]
+def test_processes_do_not_grow_with_the_time_that_a_study_takes(local):
+    profiled, samples, transitions = local.submit(ask_worker, pure=False).result()
+    monitored = local.run_on_scheduler(lambda dask_scheduler: dask_scheduler.monitor.maxlen)
+    messages = [*local.run_on_scheduler(count_messages), local.scheduler_comm.recent_message_log.maxlen]
     assert not profiled
     assert monitored == samples <= 1000
     assert transitions <= 10
@@ -101,7 +102,7 @@ def list_cases(opened):
     return list(RowStore(folder, prepared.identity.plan_sha256).read_statuses())
 
 
-def test_workers_remove_the_files_of_a_study_when_the_next_one_begins(make_prepared, tmp_path):
+def test_workers_remove_the_files_of_a_study_when_the_next_one_begins(make_prepared, tmp_path, local):
     """On a long-lived cluster the FMUs of all studies would fill the disk."""
     studies = []
     for duration in ("0.1 s", "0.2 s"):
@@ -110,34 +111,26 @@ def test_workers_remove_the_files_of_a_study_when_the_next_one_begins(make_prepa
         prepared = make_prepared(changes={"0.1 s": duration})
         open_folder(folder, prepared.plan, prepared.identity, resume=False)
         studies.append((prepared, folder))
-    with cluster.connect(None, 1) as client:
-        for opened in studies:
-            dispatch(client, opened)
-            (scratch,) = client.run(lambda dask_worker: dask_worker.local_directory).values()
-            (left,) = Path(scratch).glob("study_*")
-            assert left.name.startswith(f"study_{opened[0].bundle.sha256[:16]}_")
+    for opened in studies:
+        dispatch(local, opened)
+        (scratch,) = local.run(lambda dask_worker: dask_worker.local_directory).values()
+        (left,) = Path(scratch).glob("study_*")
+        assert left.name.startswith(f"study_{opened[0].bundle.sha256[:16]}_")
 
 
-@pytest.mark.parametrize("moment", ["before a batch", "when a batch has come in"])
-def test_a_scheduler_that_ends_is_noticed(moment, opened, hand_started, capfd):
-    """At once, although the scheduler had long to answer at first: dask's client asks it again for that long."""
+def test_a_scheduler_that_ends_is_noticed(opened, hand_started, capfd):
+    """When a batch has come in, and before one; at once, although the scheduler had long to answer at first."""
     (_, address, *_), (process, *_) = hand_started
     lost = pytest.raises(ClusterError, match=f"the scheduler {address} is lost")
-
-    def end(*_):
-        end_with_children(process)
-
     with cluster.connect(address, None, PATIENCE_S) as client:
-        if moment == "when a batch has come in":
-            with lost:
-                dispatch(client, opened, end)
-        else:
-            dispatcher = make_dispatcher(client, opened)
-            assert dispatcher.find_dashboard().endswith("/status")
-            end()
-            with lost:
-                dispatcher.run(range(6), (), lambda *_: None)
-    assert bool(list_cases(opened)) == (moment == "when a batch has come in")
+        later = make_dispatcher(client, opened)
+        assert later.find_dashboard().endswith("/status")
+        with lost:
+            dispatch(client, opened, lambda *_: end_with_children(process))
+        stored = list_cases(opened)
+        with lost:
+            later.run(range(6), (), lambda *_: None)
+    assert stored and list_cases(opened) == stored
     assert "Traceback" not in capfd.readouterr().err
 
 
@@ -150,22 +143,20 @@ def test_what_is_no_scheduler_is_said():
             pass
 
 
-def test_rows_that_are_lost_with_their_worker_are_computed_again(opened, hand_started, monkeypatch):
+def test_rows_that_are_lost_with_their_worker_are_computed_again(opened, monkeypatch):
     """The worker ends when its batch is done and has not been fetched; its nanny starts another one."""
-    (_, address, *_), (_, *nannies) = hand_started
     fetch, lost = cluster.Dispatcher._fetch, []
 
     def lose(dispatcher, future):
         if not lost:
             lost.append(future.status)
-            for nanny in nannies:
-                for worker in psutil.Process(nanny.pid).children():
-                    worker.kill()
+            for pid in client.run(os.getpid).values():
+                psutil.Process(pid).kill()
             wait_until(lambda: future.status != "finished")
         return fetch(dispatcher, future)
 
     monkeypatch.setattr(cluster.Dispatcher, "_fetch", lose)
-    with cluster.connect(address, None, PATIENCE_S) as client:
+    with cluster.connect(None, 1) as client:
         dispatch(client, opened)
     assert lost == ["finished"]
     assert list_cases(opened) == list(range(6))

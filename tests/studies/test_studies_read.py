@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from ps_fmu.studies.study import StudyError, parse_number
+from ps_fmu.requirements.quantity import parse_quantity
+from ps_fmu.studies.study import StudyError
 
 from .conftest import OBSERVE, STUDY
 
@@ -17,7 +18,7 @@ SKEW = "matrix = [[1, 0.1], [0.2, 1]]"
     [("-1.5 mm", "m", -1.5e-3), ("0 m", "m", 0.0), ("90 deg", "rad", np.pi / 2), ("2 %", "1", 0.02), (3, "1", 3.0)],
 )
 def test_a_number_is_converted(given, unit, value):
-    assert parse_number(given).to(unit) == pytest.approx(value, rel=1e-15)
+    assert parse_quantity(given).to(unit) == pytest.approx(value, rel=1e-15)
 
 
 @pytest.mark.parametrize(
@@ -27,17 +28,17 @@ def test_a_number_is_converted(given, unit, value):
 )  # fmt: skip
 def test_what_is_no_number_of_metres_is_refused(given, problem):
     with pytest.raises(ValueError, match=problem):
-        parse_number(given).to("m")
+        parse_quantity(given).to("m")
 
 
 @pytest.mark.parametrize(
     ("old", "new", "problem"),
     [
-        ("seed = 7", "seeed = 7", r"\[study\], seeed: unknown; did you mean seed"),
+        ("seed = 7", "seeed = 7", r"study\.seeed: unknown key; did you mean seed"),
         ("seed = 7", "", r"seed: is missing"),
-        ("cases = 6", "cases = 0", "zero cases"),
-        ("cases = 6", "cases = 1000001", "too many"),
-        ("cases = 6", "cases = 2.5", "whole number"),
+        ("cases = 6", "cases = 0", "from 1 to 1000000, got 0"),
+        ("cases = 6", "cases = 1000001", "from 1 to 1000000, got 1000001"),
+        ("cases = 6", "cases = 2.5", "cases: expected a whole number, got 2.5"),
         ('plan = "random"', 'plan = "rondom"', "did you mean random"),
         ('plan = "random"\ncases = 6', 'plan = "sobol"\ncases = 6', "expected 4 or 8, not 6"),
         ('plan = "random"\ncases = 6', 'plan = "sobol-indices"\ncases = 7', "3 cases a point"),
@@ -45,7 +46,7 @@ def test_what_is_no_number_of_metres_is_refused(given, problem):
         ('plan = "random"\ncases = 6', 'plan = "sobol-indices"\ncases = 9', "expected 6 or 12, not 9"),
         ('plan = "random"', 'plan = "grid"', "cases: unknown"),
         ('plan = "random"\ncases = 6', 'plan = "grid"', "needs values"),
-        ('duration = "0.1 s"', 'duration = "0.1"', "expected a time"),
+        ('duration = "0.1 s"', 'duration = "0.1"', "duration: a number without unit does not fit the unit 's'"),
         ('duration = "0.1 s"', 'duration = "0.1005 s"', "duration: .* not a whole number of steps"),
         ('system = "toy.ssd"', 'system = "none.ssd"', "there is no file"),
         ('parameter = "gain"', 'parameter = "gian"', "no parameter or input 'gian'; did you mean gain"),
@@ -58,10 +59,10 @@ def test_what_is_no_number_of_metres_is_refused(given, problem):
         ('distribution = "uniform"', 'distribution = "normal"', "either sigma or relative"),
         ('distribution = "uniform"', 'distribution = "normal"\nsigma = "-1"', "above 0"),
         ('distribution = "uniform"', 'distribution = "normal"\nmean = "99"\nsigma = "0.1"', "nothing between"),
-        ('low = "1"\nhigh = "2"', 'values = [1]\n', "distribution: unknown for values"),
-        ("[[vary]]", "[vary]", "two brackets"),
+        ('low = "1"\nhigh = "2"', 'values = [1]\n', "values: unknown for uniform"),
+        ("[[vary]]", "[vary]", "vary: expected a list, got an object"),
         ("[[vary]]", '[[vary]]\nparameter = "toy.gain"\nvalues = [1]\n[[vary]]', "is varied by"),
-        ("[[vary]]", "[runs.active]\n\"toy.gain\" = 3.0\n[[vary]]", r"\[runs.active\], toy.gain: is varied"),
+        ("[[vary]]", "[runs.active]\n\"toy.gain\" = 3.0\n[[vary]]", r"runs.active, toy.gain: is varied"),
         ("[[vary]]", "[runs.active]\n\"toy.gian\" = 3.0\n[[vary]]", "did you mean gain"),
         ("[[vary]]", "[runs.active]\ntoy.offset = 3.0\n[[vary]]", "in quotes"),
         ("[[vary]]", "[runs.active]\n\"toy.offset\" = true\n[[vary]]", "expected a value of type Real"),
@@ -72,22 +73,22 @@ def test_what_is_no_number_of_metres_is_refused(given, problem):
         ('settling = "0.01 s"', 'settling = "1 s"', "all of the run"),
         ('index = ["APE", "RPE"]', 'index = ["APE", "RPA"]', "got 'RPA'"),
         ('index = ["APE", "RPE"]', 'index = "APE"', "none of APE has one"),
-        ("[[observe]]", f"{SECOND}{PAIR}rnk = 1\n[[observe]]", "unknown; did you mean rank"),
+        ("[[observe]]", f"{SECOND}{PAIR}rnk = 1\n[[observe]]", "unknown key; did you mean rank"),
         ("[[observe]]", f'{SECOND}{PAIR.replace("offset", "ofset")}\n[[observe]]', "no \\[\\[vary\\]\\]"),
         ("[[observe]]", f"{SECOND}{PAIR.replace('0.5', '1.0')}\n[[observe]]", "not positive definite"),
-        ("[[observe]]", f"{SECOND}{PAIR.replace('0.5', '1.5')}\n[[observe]]", "from -1 to 1"),
+        ("[[observe]]", f"{SECOND}{PAIR.replace('0.5', '1.5')}\n[[observe]]", "a number <= 1.0, got 1.5"),
         ("[[observe]]", f"{SECOND}{PAIR}{PAIR}\n[[observe]]", "stated twice"),
         ("[[observe]]", f"{SECOND}{PAIR.replace('rank = 0.5', SKEW)}\n[[observe]]", "symmetric"),
-        ("[study]", "[studi]", "studi: unknown"),
-        ("[study]", "[study", "not a TOML file"),
-        ("seed = 7", "seed = 7\ncontrol_variates = 10", "control_variates: unknown"),
-        ("seed = 7", 'seed = 7\nisolate = ["toi"]', r"\[study\], isolate: .*'toi'"),
+        ("[study]", "[studi]", "studi: unknown key; did you mean study"),
+        ("[study]", "[study", "is not a TOML file"),
+        ("seed = 7", "seed = 7\ncontrol_variates = 10", "control_variates: unknown key"),
+        ("seed = 7", 'seed = 7\nisolate = ["toi"]', r"study, isolate: .*'toi'"),
         ("seed = 7", 'seed = 7\nisolate = 1', "isolate: expected a name, or a list of names"),
         ("seed = 7", 'seed = 7\nstep_timeout = "1 s"', "step_timeout: only FMUs with .* give isolate, too"),
         ("seed = 7", 'seed = 7\nisolate = true\nstep_timeout = "0 s"', "step_timeout: expected a time"),
         ('low = "1"', f"low = 1{'0' * 400}", r"low: expected a number up to 1.8e\+308"),
-        ("seed = 7", f'seed = 7\nscheme = "iterated"\ntolerance = 1{"0" * 400}', "tolerance: expected a number"),
-        ("[[observe]]", f'[signals]\nvariables = "*"\ncases = "all"\nmost = 1{"0" * 400}\n[[observe]]', "gigabytes"),
+        ("seed = 7", f'seed = 7\nscheme = "iterated"\ntolerance = 1{"0" * 400}', "tolerance: number out of range"),
+        ("[[observe]]", f'[signals]\nvariables = "*"\ncases = "all"\nmost = 1{"0" * 400}\n[[observe]]', "out of range"),
         ('window = "0.02 s"', 'window = "1e308 s"', "whole number of steps"),
         ('low = "1"\nhigh = "2"', 'low = -1e308\nhigh = 1e308', "high: .* too far from"),
         ('"uniform"\nlow = "1"\nhigh = "2"', '"steps"\ncount = 3\nlow = -1e308\nhigh = 1e308', "high: .* too far from"),
@@ -118,7 +119,7 @@ def test_values_outside_the_bounds_of_the_fmu_are_refused_before_anything_runs(b
 
 
 def test_a_system_that_is_not_observed_needs_a_table(make_prepared):
-    with pytest.raises(StudyError, match=r"\[\[observe\]\]: is missing, .*such as toy.error.x"):
+    with pytest.raises(StudyError, match=r"observe: is missing, .*such as toy.error.x"):
         make_prepared(changes={OBSERVE: ""})
 
 

@@ -8,8 +8,8 @@ import pytest
 from support.relays import LINEAR, description, port, relay, system, wire
 
 from ps_fmu.cosim import CosimError
+from ps_fmu.studies.bundle import open_folder, read_identity
 from ps_fmu.studies.study import StudyError
-from ps_fmu.studies.study_folder import open_folder, read_identity
 from ps_fmu.studies.sweep import SweepOptions, prepare
 
 STUDY = """
@@ -92,7 +92,7 @@ def plan(write, tmp_path):
         ([("seed = 1", 'seed = 1\nrates = { a = "2/3" }')], "rates: expected N or 1/N base steps"),
         ([("seed = 1", 'seed = 1\nrates = { x = 2 }')], "there is no component 'x'; the system has a, b, e"),
         ([("seed = 1", "seed = 1\ntolerance = 1e-3")], "tolerance: is for the scheme 'iterated'"),
-        ([("seed = 1", 'seed = 1\nscheme = "iterated"\ntolerance = 2')], "tolerance: expected a number between 0"),
+        ([("seed = 1", 'seed = 1\nscheme = "iterated"\ntolerance = 2')], "tolerance: expected a number < 1.0, got 2"),
         ([("seed = 1", 'seed = 1\noutside = "yes"')], "outside: expected true or false, got 'yes'"),
     ],
 )
@@ -115,7 +115,7 @@ def test_what_cannot_be_varied(plan, changes, reason):
 def test_what_a_run_cannot_set(plan, value, reason):
     with pytest.raises(StudyError) as error:
         plan(more=f"[runs.active]\n{value}\n")
-    assert reason in str(error.value) and "[runs.active]" in str(error.value)
+    assert reason in str(error.value) and "runs.active" in str(error.value)
 
 
 @pytest.mark.parametrize(
@@ -159,7 +159,7 @@ def test_a_study_in_a_file_with_a_mark_of_its_encoding(write, tmp_path):
     path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes())
     assert len(prepare(SweepOptions(path, tmp_path / "out")).plan) == 2
     path.write_bytes(path.read_text(encoding="utf-8-sig").encode("utf-16"))
-    with pytest.raises(StudyError, match="not in UTF-8, save it as such"):
+    with pytest.raises(StudyError, match="is not a TOML file: 'utf-8' codec"):
         prepare(SweepOptions(path, tmp_path / "out"))
 
 

@@ -7,10 +7,19 @@ import pandas as pd
 import pytest
 from scipy.stats import norm
 
+from ps_fmu.requirements.quantity import Names
 from ps_fmu.studies.factors import Factor, Spread
-from ps_fmu.studies.outcome import PROBABILITIES, Outcome, Output, Share, find_compliance, find_percentiles, find_worst
+from ps_fmu.studies.outcome import (
+    PROBABILITIES,
+    Outcome,
+    Output,
+    Share,
+    find_compliance,
+    find_influences,
+    find_percentiles,
+    find_worst,
+)
 from ps_fmu.studies.plan import Plan, study_shares
-from ps_fmu.studies.sensitivity import find_influences
 from ps_fmu.studies.study import Vary
 
 OUTPUT = Output("active.toy.error.x.APE.rms", "rad")
@@ -25,7 +34,7 @@ def make_outcome(read):
         study = read(changes=changes)
         spread = Spread(0.0, 1.0)
         names = [f"x{i}" for i in range(factors)]
-        made = tuple(Factor(Vary("", n, (n,), (), "uniform", {}), "1", (n,), (1.0,), (), spread) for n in names)
+        made = tuple(Factor(Vary(parameter=Names([n]), values=[0]), "1", (n,), (1.0,), (), spread) for n in names)
         draws = study_shares(study, factors)
         table = pd.DataFrame({"case": range(cases), "status": "done", "error": None, outputs[0].name: function(draws)})
         return Outcome(Plan(study, made, draws, ()), table, outputs)
@@ -45,7 +54,7 @@ def test_sobol_indices_of_ishigamis_function_are_the_known_ones(make_outcome):
         assert found.measures[name] == pytest.approx(known, abs=0.02)
         assert (found.measures[f"{name}_low"] < found.measures[name]).all()
         assert (found.measures[f"{name}_high"] > found.measures[name]).all()
-    assert np.argsort(found.strength).tolist() == [2, 1, 0]
+    assert found.order == [0, 1, 2]
 
 
 def test_morris_effects_of_a_linear_function_are_its_slopes(make_outcome):

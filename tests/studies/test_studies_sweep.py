@@ -18,10 +18,11 @@ import pyarrow.parquet as pq
 import pytest
 from support.processes import PATIENCE_S, end_with_children, read_command, wait_until
 
+from ps_fmu.cli import main
 from ps_fmu.studies.case_runner import CaseRunner
 from ps_fmu.studies.rows import DONE, FILE, KILLED, MEASURED, RowStore
 
-from .conftest import OBSERVE, STUDY
+from .conftest import OBSERVE, STUDY, list_missing
 
 KILLS = 10 if os.environ.get("PS_FMU_SOAK") else 1
 SLOW = '[[vary]]\nparameter = "slowness"\ndistribution = "uniform"\nlow = "1e-3"\nhigh = "2e-3"\n'
@@ -31,16 +32,14 @@ HELD = 20  # cases of a study that is disturbed
 
 @pytest.fixture
 def start(tmp_path, toy_fmus):
-    """Starts ``ps-fmu sweep`` with more arguments; ends it and its workers."""
+    """Starts the command ``ps-fmu sweep``, with one worker unless a scheduler is given; ends it and its worker."""
     started = []
 
-    def launch(study, *arguments, output="out"):
-        command = [sys.executable, "-I", "-m", "ps_fmu.cli", "sweep", str(study), "--output", str(tmp_path / output)]
-        if "--scheduler" not in arguments and "--case" not in arguments:
-            command += ["--workers", "2"]
+    def launch(study, *arguments):
+        command = [sys.executable, "-I", "-m", "ps_fmu.cli", "sweep", str(study), "--output", str(tmp_path / "out")]
         process = subprocess.Popen(
-            [*command, "--fmus", str(toy_fmus), *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-            start_new_session=True,
+            [*command, "--fmus", str(toy_fmus), *(arguments or ("--workers", "1"))], stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE, text=True, start_new_session=True,
         )  # fmt: skip
         started.append(process)
         return process
@@ -51,13 +50,13 @@ def start(tmp_path, toy_fmus):
 
 
 @pytest.fixture
-def sweep(start):
-    """Runs ``ps-fmu sweep`` to its end: exit code, standard output, error stream."""
+def sweep(tmp_path, toy_fmus, address, capsys):
+    """Runs ``ps-fmu sweep`` in this process, on workers that are there: exit code, standard output, error stream."""
 
-    def run(study, *arguments, output="out"):
-        process = start(study, *arguments, output=output)
-        printed, errors = process.communicate(timeout=PATIENCE_S)
-        return process.returncode, printed, errors
+    def run(study, *arguments):
+        where = () if {"--scheduler", "--case"} & set(arguments) else ("--scheduler", address)
+        given = ["sweep", str(study), "--output", str(tmp_path / "out"), "--fmus", str(toy_fmus), *where, *arguments]
+        return main(given), *capsys.readouterr()
 
     return run
 
@@ -108,7 +107,7 @@ def count_stored(folder):
     """Cases that have rows so far."""
     if not (folder / "manifest.json").is_file():
         return 0
-    return HELD - len(open_store(folder).list_missing(HELD))
+    return HELD - len(list_missing(open_store(folder), HELD))
 
 
 def test_workers_import_nothing_of_the_current_directory(write_study, toy_fmus, tmp_path, monkeypatch):
@@ -145,7 +144,7 @@ def test_a_study_on_this_machine_says_what_it_says(write_study, make_prepared, s
     assert code == 2
     assert "has this study already: --resume" in errors
     before = (tmp_path / "out" / "study.parquet").read_bytes()
-    code, _, errors = sweep(study, "--resume")  # nothing is missing: no worker is started
+    code, _, errors = sweep(study, "--resume", "--scheduler", "tcp://127.0.0.1:1")  # nothing is missing
     assert code == 0, errors
     assert (tmp_path / "out" / "study.parquet").read_bytes() == before
 
@@ -220,7 +219,7 @@ def test_a_disturbed_study_ends_with_the_rows_of_an_undisturbed_one(
             os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to the workers, too
         process.wait(timeout=PATIENCE_S)
         wait_until(lambda: not any(read_command(one) for one in cases))
-        assert HELD - 1 in open_store(folder).list_missing(HELD)  # it was in the middle
+        assert HELD - 1 in list_missing(open_store(folder), HELD)  # it was in the middle
     gate.unlink()
     _, errors = process.communicate(timeout=PATIENCE_S)
     if victim == "interrupt":
@@ -308,8 +307,6 @@ def test_no_scheduler_is_said(write_study, sweep):
     ],
 )
 def test_a_time_for_no_scheduler_is_refused(tmp_path, capsys, arguments, error):
-    from ps_fmu.cli import main
-
     assert main(["sweep", "study.toml", "--output", str(tmp_path / "out"), *arguments]) == 2
     assert f"--scheduler-timeout: {error}" in capsys.readouterr().err
 

@@ -8,6 +8,7 @@ import pytest
 
 from ps_fmu.numerics.library import find_library
 from ps_fmu.slavekit.author.blocks import make_blocks, make_dense, store_by_columns
+from ps_fmu.slavekit.author.buffer import BufferLayout
 from ps_fmu.slavekit.author.core import Core, Map, make_core
 from ps_fmu.slavekit.author.elements import (
     Clip,
@@ -25,7 +26,6 @@ from ps_fmu.slavekit.author.elements import (
     Watch,
     ring_size,
 )
-from ps_fmu.slavekit.author.layout import BufferLayout
 from ps_fmu.slavekit.author.program import compile_elements
 from ps_fmu.slavekit.author.slave import Port
 

@@ -1,10 +1,13 @@
-"""System descriptions for toy FMUs, and an observer that keeps everything."""
+"""System descriptions for toy FMUs, and all rows of a run."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
+
+from ps_fmu.cosim import Event, Master, Scheme, System
 
 HEAD = (
     '<?xml version="1.0" encoding="UTF-8"?>\n'
@@ -63,9 +66,10 @@ def ssd_text(components: Mapping[str, str], connections: Sequence[str], inside: 
 
 
 class Collect:
-    """Observer that keeps everything."""
+    """Observer that keeps everything; with the names of the columns, each is there by its name."""
 
-    def __init__(self) -> None:
+    def __init__(self, names: Sequence[str] = ()) -> None:
+        self.names = list(names)
         self.firsts: list[int] = []
         self._times: list[np.ndarray] = []
         self._values: list[np.ndarray] = []
@@ -82,3 +86,18 @@ class Collect:
     @property
     def values(self) -> np.ndarray:
         return np.concatenate(self._values)
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        return self.values[:, self.names.index(name)]
+
+
+def simulate(
+    system: System, step: float | None = None, end: float = 0.5, scheme: str | Scheme = "jacobi",
+    events: Iterable[Event] = (), **options: Any,
+) -> Collect:  # fmt: skip
+    """All rows of a run up to ``end`` [s] by name; options as of the master."""
+    with Master(system, step, scheme, **options) as master:
+        rows = Collect([column.name for column in master.columns])
+        master.initialise()
+        master.run(end, [rows], events)
+    return rows

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import json
 
-from ps_fmu.cosim import Master
 from ps_fmu.cosim.faults.reading import read_faults
-from support.cosim import Collect
+from support.cosim import simulate
 
 
 def write(folder, *events, end=None, **defaults):
@@ -19,8 +18,5 @@ def write(folder, *events, end=None, **defaults):
 
 def run_oscillator(system, faults=None, scheme="jacobi", duration=0.5, **options):
     """The rows by name."""
-    collect = Collect()
-    with Master(system, 0.01, scheme, faults=faults, **options) as master:
-        master.initialise()
-        master.run(duration, [collect])
-    return {column.name: values for column, values in zip(master.columns, collect.values.T, strict=True)}
+    rows = simulate(system, 0.01, duration, scheme, faults=faults, **options)
+    return dict(zip(rows.names, rows.values.T, strict=True))

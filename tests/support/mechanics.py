@@ -47,6 +47,57 @@ def rigid(parameters: Parameters = PAPER) -> Parameters:
     )
 
 
+def other_geometry(seed: int, bare: Parameters | None = None) -> Parameters:
+    """The rigid system, or ``bare``, changed at random.
+
+    Joints moved by up to 20 mm, masses, stiffness, damping by up to 30 %, inertias and centres of mass likewise.
+    """
+    random = np.random.default_rng([seed, 2])
+
+    def scaled(value):
+        return value * random.uniform(0.7, 1.3)
+
+    def leg(this):
+        parts = {
+            name: replace(
+                getattr(this, name), **{k: scaled(getattr(part, k)) for k in ("mass", "com_distance", "radial_inertia")}
+            )
+            for name, part in (("lower", this.lower), ("upper", this.upper))
+        }
+        joints = {
+            name: getattr(this, name) + random.uniform(-0.02, 0.02, 3) for name in ("base_joint_B", "platform_joint_P")
+        }
+        springs = {k: scaled(getattr(this, k)) for k in ("stiffness", "damping") if hasattr(this, k)}
+        return replace(this, **parts, **joints, **springs)
+
+    def body(this, frame):
+        com, inertia = f"com_{frame}", f"inertia_{frame}"
+        spread = random.normal(size=(3, 3))
+        size = 0.05 * np.trace(getattr(this, inertia))
+        return replace(
+            this,
+            mass=scaled(this.mass),
+            **{
+                com: getattr(this, com) + random.uniform(-0.05, 0.05, 3),
+                inertia: getattr(this, inertia) + size * spread @ spread.T / 9.0,
+            },
+        )
+
+    bare = rigid() if bare is None else bare
+    manipulator = bare.manipulator
+    return replace(
+        bare,
+        manipulator=replace(
+            manipulator,
+            nominal_translation_B=manipulator.nominal_translation_B + random.uniform(-0.02, 0.02, 3),
+            coarse_legs=tuple(map(leg, manipulator.coarse_legs)),
+            fine_legs=tuple(map(leg, manipulator.fine_legs)),
+        ),
+        payload=body(bare.payload, "P"),
+        bus=body(bare.bus, "B"),
+    )
+
+
 def dynamics_at(pose: Pose, parameters: Parameters = PAPER) -> Dynamics:
     return assemble(parameters.manipulator, parameters.payload, parameters.bus, pose)
 

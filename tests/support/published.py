@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from ps_fmu.paper.figures.fig07.results import FINE
+from ps_fmu.paper.figures.fig07.runs import FINE
 from ps_fmu.paper.figures.fig08_11.measured import SETUPS
 from ps_fmu.paper.published import make_finding
 

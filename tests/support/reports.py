@@ -14,15 +14,15 @@ from ps_fmu.results.page.content import (
     Exploration,
     Mechanism,
     Motion,
-    Verdict,
+    VerdictRow,
 )
 from ps_fmu.results.report import Report
 from ps_fmu.results.tables import Table
 
 VERDICTS = (
-    Verdict("RPE over 1 s, payload rotation x", "3.9e-7 rad", "5e-7 rad", "23 %", "95 %", True),
-    Verdict("APE, payload rotation y", "5.1e-6 rad", "1e-6 rad", "-410 %", "99.7 %", False),
-    Verdict("MPE over 100 s", "-", "1e-6 rad", "-", "95 %", None),
+    VerdictRow("RPE over 1 s, payload rotation x", "3.9e-7 rad", "5e-7 rad", "23 %", "95 %", True),
+    VerdictRow("APE, payload rotation y", "5.1e-6 rad", "1e-6 rad", "-410 %", "99.7 %", False),
+    VerdictRow("MPE over 100 s", "-", "1e-6 rad", "-", "95 %", None),
 )
 LINE_HZ = 47.3
 PEAK_RAD, PEAK_S = 5e-5, 12.3456

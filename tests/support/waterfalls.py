@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ps_fmu.results.waterfall import Line, Mark, Mode, Panel, Waterfall
+from ps_fmu.results.waterfall import CasePanel, Harmonic, ModeLine, Place, Waterfall
 
 TOP_RPM, MODE_HZ, ORDER = 6000.0, 60.0, 1.5
 FLOOR, PEAK = 1e-9, 1e-5  # rad
@@ -16,7 +16,7 @@ def make_waterfall(name: str = "wheel_1", case: str = "passive") -> Waterfall:
     line = ORDER * speed / 60.0
     amplitude = np.full((len(speed), len(frequency)), FLOOR)
     amplitude[np.abs(frequency - line[:, None]) < 0.6] = PEAK
-    mark = Mark(MODE_HZ, 60.0 * MODE_HZ / ORDER, f"{name}, tower mode")
+    mark = Place(MODE_HZ, 60.0 * MODE_HZ / ORDER, f"{name}, tower mode")
     return Waterfall(
         title=f"Waterfall of {name}",
         caption="Speed and frequency.",
@@ -25,7 +25,7 @@ def make_waterfall(name: str = "wheel_1", case: str = "passive") -> Waterfall:
         unit="rad",
         ordinate=speed,
         frequency=frequency,
-        panels=[Panel(case, amplitude, mark), Panel("active", 0.1 * amplitude)],
-        lines=[Line(name, ORDER, line), Line(name, 3.0, 2.0 * line)],
-        modes=[Mode("tower mode", MODE_HZ), Mode("mast mode 1", 140.0), Mode("mast mode 2", 141.0)],
+        panels=[CasePanel(case, amplitude, mark), CasePanel("active", 0.1 * amplitude)],
+        lines=[Harmonic(name, ORDER, line), Harmonic(name, 3.0, 2.0 * line)],
+        modes=[ModeLine("tower mode", MODE_HZ), ModeLine("mast mode 1", 140.0), ModeLine("mast mode 2", 141.0)],
     )

@@ -10,7 +10,7 @@ from ps_fmu.cosim import Master, read_system
 from ps_fmu.cosim.structure import Component, Connection, PortName, System
 from ps_fmu.disturbance.recording import HEADER
 from ps_fmu.results.observers.sampler import SampleObserver
-from ps_fmu.slavekit.pack.from_source import build_script
+from ps_fmu.slavekit.pack.foreign import build_script
 
 SSD = Path(__file__).parents[2] / "system" / "SystemStructure.ssd"
 SCRIPT = Path(__file__).parent / "models" / "rigid_hub.py"

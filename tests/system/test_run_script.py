@@ -18,6 +18,16 @@ import pytest
 ROOT = Path(__file__).parents[2]
 COMMAND = [sys.executable, str(ROOT / "system" / "run.py")]
 FINISHED_WITHIN_S = 100.0
+IMPORTS = """if True:
+    import json, sys
+    from ps_fmu.run_command import main
+    code = main(["isolation", "--duration", "4", "--step", "1e-3", "--no-figures", "--output", "out"])
+    large = {"scipy", "matplotlib", "xarray", "pandas", "dask"}
+    others = {"ps_fmu.disturbance", "ps_fmu.scenarios.pointing_loop", "ps_fmu.scenarios.slew_results"}
+    others |= {"ps_fmu.scenarios.wheels"}
+    print(json.dumps([code, sorted((large | others) & set(sys.modules))]))
+"""
+"""A run imports what it needs: large packages take longer to load than a short run, and other scenarios count."""
 
 pytestmark = pytest.mark.usefixtures("built_fmus")
 
@@ -85,7 +95,7 @@ def test_without_an_error_stream(tmp_path):
 def test_a_full_disk_under_the_standard_output_costs_no_results(tmp_path):
     with open("/dev/full", "w") as full:
         run = subprocess.run(
-            [*COMMAND, *["--duration", "0.02", "--step", "1e-3", "--output", "out"]],
+            [*COMMAND, *["--duration", "0.02", "--step", "1e-3", "--output", "out", "--no-figures"]],
             cwd=tmp_path, stdout=full, stderr=subprocess.PIPE, text=True, timeout=FINISHED_WITHIN_S, check=False,
         )  # fmt: skip
     assert run.returncode == 1
@@ -146,21 +156,13 @@ def test_no_space_for_the_results_ends_the_run_and_keeps_what_is_there(tmp_path)
 @pytest.mark.parametrize(
     ("name", "value", "text"),
     [
-        ("plant.payload.mass", "0", "payload.mass: must be greater than 0"),
-        ("plant.payload.mass", "NaN", "given.ssv, line 3: parameter 'plant.payload.mass': expected a finite number"),
-        (
-            "plant.payload.weight",
-            "1",
-            "parameter plant.payload.weight (given.ssv, line 3): ManipulatorPlant.fmu has no",
-        ),
+        ("plant.payload.mass", 0.0, "payload.mass: must be greater than 0"),
+        ("plant.payload.mass", float("nan"), "line 4: parameter 'plant.payload.mass': expected a finite number"),
+        ("plant.payload.weight", 1.0, "plant.payload.weight (given.ssv, line 4): ManipulatorPlant.fmu has no"),
     ],
 )
-def test_what_cannot_be_used_is_named_and_ends_with_1(tmp_path, name, value, text):
-    (tmp_path / "given.ssv").write_text(
-        '<ssv:ParameterSet xmlns:ssv="http://ssp-standard.org/SSP1/SystemStructureParameterValues" version="1.0" '
-        f'name="initialValues">\n<ssv:Parameters>\n<ssv:Parameter name="{name}"><ssv:Real value="{value}"/>'
-        "</ssv:Parameter></ssv:Parameters></ssv:ParameterSet>"
-    )
+def test_what_cannot_be_used_is_named_and_ends_with_1(tmp_path, ssv, name, value, text):
+    ssv({name: value})
     run = started("--duration 0.1 --parameters given.ssv --output out", tmp_path)
     assert run.returncode == 1
     assert text in run.stderr
@@ -174,3 +176,10 @@ def test_a_step_of_zero_ends_with_2(tmp_path):
     assert run.returncode == 2
     assert "--step: expected a time above 0 s, got 0.0" in run.stderr
     assert not (tmp_path / "out").exists()
+
+
+def test_a_run_without_figures_does_without_large_packages_and_other_scenarios(built_fmus, tmp_path):
+    found = subprocess.run(
+        [sys.executable, "-c", IMPORTS], capture_output=True, text=True, timeout=240, cwd=tmp_path, check=True
+    )
+    assert json.loads(found.stdout.splitlines()[-1]) == [0, []]

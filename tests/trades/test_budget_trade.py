@@ -12,7 +12,7 @@ from ps_fmu.cli import main
 from ps_fmu.cosim import read_system
 from ps_fmu.pointing import RelativeError
 from ps_fmu.pointing.budget import UncertaintyFactors, make_budget
-from ps_fmu.trades.budget import analysis
+from ps_fmu.trades.budget import report
 from ps_fmu.trades.budget.results import compute_budgets, find_edges, list_wanted, read_factors
 from ps_fmu.trades.budget.sources import list_sources, select_signals
 from ps_fmu.trades.budget.system_model import SOURCE, BudgetError, Circuit, read_model
@@ -33,7 +33,7 @@ def found(built_fmus, tmp_path_factory):
     output = tmp_path_factory.mktemp("budget")
     named = SYSTEM / "parameters" / ".." / "SystemStructure.ssd"  # however it is named, the instrument goes with it
     options = AnalysisOptions(output, built_fmus, named, progress=False)
-    result = analysis.analyse(options, points=200)
+    result = report.analyse(options, points=200)
     result.write(output)
     return result, json.loads((output / "budget.json").read_text())["budgets"], output
 

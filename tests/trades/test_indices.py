@@ -9,10 +9,11 @@ import pytest
 
 from ps_fmu.analyses.options import AnalysisOptions
 from ps_fmu.cosim import read_system
+from ps_fmu.disturbance import multisine_lines, psd_at_origin
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.runs.options import OptionError
-from ps_fmu.trades.indices import analysis, measured
-from ps_fmu.trades.indices.closed_form import ORIENTATIONS, SIGNALS, STEP, STRIDE, list_indices, solve
+from ps_fmu.trades.indices import report
+from ps_fmu.trades.indices.comparison import ORIENTATIONS, SETTLING, SIGNALS, STEP, STRIDE, list_indices, record, solve
 
 SYSTEM = Path(__file__).parents[2] / "system" / "SystemStructure.ssd"
 SAMPLE = STEP * STRIDE
@@ -22,7 +23,7 @@ SAMPLE = STEP * STRIDE
 def found(built_fmus, tmp_path_factory):
     """The analysis with runs of 100 s, and what it has written."""
     output = tmp_path_factory.mktemp("indices")
-    result = analysis.analyse(AnalysisOptions(output, built_fmus, SYSTEM, progress=False), 100.0, points=2000)
+    result = report.analyse(AnalysisOptions(output, built_fmus, SYSTEM, progress=False), 100.0, points=2000)
     result.write(output)
     return result, json.loads((output / "indices.json").read_text()), output
 
@@ -62,7 +63,7 @@ def test_a_system_that_the_closed_form_is_not_of_is_refused(built_fmus, tmp_path
     own = tmp_path / "own.ssd"
     own.write_text(re.sub(place, text, SYSTEM.read_text(), count=1))
     with pytest.raises(OptionError, match=words):
-        analysis.analyse(AnalysisOptions(tmp_path, built_fmus, own, progress=False))
+        report.analyse(AnalysisOptions(tmp_path, built_fmus, own, progress=False))
 
 
 def test_files(found):
@@ -83,15 +84,19 @@ def test_lines_without_scatter(built_fmus, orientation: str, active: bool):
     period, wait = 20.0, 85.0
     values = {"disturbance.noise.multisine": True, "disturbance.noise.period": period}
     system = read_system(SYSTEM, built_fmus)
-    rows = measured.record(system, (orientation, active), wait + 2.0 * period + 2.0 - measured.SETTLING, 5, values)
-    rows = rows[round((wait - measured.SETTLING) / SAMPLE) :]
+    rows = record(system, (orientation, active), wait + 2.0 * period + 2.0 - SETTLING, 5, values)
+    rows = rows[round((wait - SETTLING) / SAMPLE) :]
     whole = round(2.0 * period / SAMPLE)
     rows = rows - rows[:whole].mean(axis=0)
-    theory = solve(load(), ORIENTATIONS[orientation], active=active)
+    p = load()
+    density = psd_at_origin(p.noise.wrench_psd_B, p.bus.com_B)
+    frequency, wrench = multisine_lines(density, p.noise.band, 5, period)
+    response = solve(p, ORIENTATIONS[orientation], active=active).loop.response(frequency)
+    amplitude = np.einsum("nij,nj->ni", response, wrench)
     for name, index in list_indices((0.02, 0.1)).items():
         # Windows begin at each sample where only one of their samples counts, else at every seventh.
         stride = 1 if "end" in name or name == "APE" else 7
         squares = np.square(index.values(rows[: whole + index.count(SAMPLE) - 1], SAMPLE, stride=stride))
-        expected = theory.rms_of_lines(index, 5, period)
+        expected = np.sqrt(index.variance_of_lines(frequency, amplitude, step=SAMPLE))
         assert expected.shape == (len(SIGNALS),)
         assert np.sqrt(squares.mean(axis=(0, 1))) == pytest.approx(expected, rel=5e-3, abs=0.0), name

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from ps_fmu.analyses.options import AnalysisOptions
-from ps_fmu.trades.sensors import analysis as sensors
+from ps_fmu.trades.sensors import report as sensors
 from ps_fmu.trades.sensors.results import CLASSES, CROSSOVERS
 
 SYSTEM = Path(__file__).parents[2] / "system" / "InertialSensors.ssd"

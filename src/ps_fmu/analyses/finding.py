@@ -14,10 +14,8 @@ RELATIONS = ("=", ">", "<", "~")
 class PublishedNumber:
     """A number of the paper."""
 
-    key: str
-    """``group.name``."""
-    where: str
-    """Section, figure or table."""
+    key: str  # ``group.name``
+    where: str  # section, figure or table
     what: str
     unit: str
     value: float
@@ -40,15 +38,11 @@ class PublishedNumber:
 class Finding:
     """A number of the paper beside ours, in the paper's unit."""
 
-    published: PublishedNumber
-    """The number of the paper."""
-    computed: float | None = None
-    """From the equations; None: not computed."""
-    cosimulated: float | None = None
-    """From the running FMUs; None: not measured."""
+    published: PublishedNumber  # the number of the paper
+    computed: float | None = None  # from the equations; None: not computed
+    cosimulated: float | None = None  # from the running FMUs; None: not measured
     remark: str = ""
-    setting: bool = False
-    """``computed`` is a setting of equations and FMUs, and not a result."""
+    setting: bool = False  # ``computed`` is a setting of equations and FMUs, and not a result
 
     @property
     def key(self) -> str:

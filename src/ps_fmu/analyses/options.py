@@ -15,19 +15,12 @@ SYSTEM = "SystemStructure.ssd"
 class AnalysisOptions:
     """The options that every analysis gets."""
 
-    output: Path
-    """Folder of the results; it exists."""
-    fmus: Path = field(default_factory=find_built_folder)
-    """Folder of the built FMUs."""
-    system: Path = field(default_factory=lambda: find_product().system / SYSTEM)
-    """System structure description."""
-    seed: int = 1
-    """Seed of the disturbance."""
-    progress: bool = True
-    """Show progress bars on stderr."""
-    parameters: tuple[Path, ...] = ()
-    """Files with start values; later ones win."""
-    requirements: Path | None = None
-    """TOML file; None: that of the product."""
+    output: Path  # folder of the results; it exists
+    fmus: Path = field(default_factory=find_built_folder)  # folder of the built FMUs
+    system: Path = field(default_factory=lambda: find_product().system / SYSTEM)  # system structure description
+    seed: int = 1  # seed of the disturbance
+    progress: bool = True  # show progress bars on stderr
+    parameters: tuple[Path, ...] = ()  # files with start values; later ones win
+    requirements: Path | None = None  # TOML file; None: that of the product
     uncertainty: tuple[float, ...] = ()
     """Factors on the amplitude and between them the limits of their bands, Hz: factor, limit, factor ..."""

@@ -5,35 +5,56 @@ from __future__ import annotations
 import json
 import shutil
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import TypeVar
 
 from ..results.report import Picture, Report, Section
+from ..results.style import draw
 from ..results.summary import plain, versions
 from ..results.tables import Table
 from ..slavekit.pack.files import write_atomically
 from .finding import Finding, findings_table, short_findings_table
 
+T = TypeVar("T")
+
 NARROWEST, USUAL, WIDEST = 80, 100, 120  # characters of a line; the second where there is no terminal
+
+
+def tabulate(caption: str, items: Iterable[T], columns: Sequence[tuple[str, Callable[[T], str]]]) -> Table:
+    """A table with a row for each item; of each column the heading, and what makes the text of an item."""
+    rows = [tuple(text(item) for _, text in columns) for item in items]
+    return Table(caption, tuple(heading for heading, _ in columns), rows)
+
+
+Figure = tuple[str, str, tuple[float, float], Callable[..., None], *tuple[object, ...]]
+"""Name, caption, width and height in inches, what paints it on a figure of matplotlib, and its other arguments."""
+
+
+def paint_pictures(folder: Path, prefix: str, *figures: Figure) -> list[Picture]:
+    """Paint figures to PREFIX_NAME.png in a folder, to PREFIX.png without a name.  Raises OSError."""
+    pictures = []
+    for name, caption, size, paint, *data in figures:
+        path = folder / ("_".join(filter(None, (prefix, name))) + ".png")
+        draw(path, *size, lambda figure, paint=paint, data=data: paint(figure, *data))  # type: ignore[misc]
+        pictures.append(Picture(path, caption))
+    return pictures
 
 
 @dataclass(frozen=True)
 class AnalysisResult:
     """The result of an analysis."""
 
-    name: str
-    """Of the analysis and of its files."""
+    name: str  # of the analysis and of its files
     title: str
-    text: Sequence[str]
-    """Paragraphs: what was computed, by which equations, and what follows."""
+    text: Sequence[str]  # paragraphs: what was computed, by which equations, and what follows
     findings: Sequence[Finding] = ()
     tables: Sequence[Table] = ()
     pictures: Sequence[Picture] = ()
     parts: Sequence[AnalysisResult] = ()
     """Results that this one puts together, with files of their own beside; ``pictures`` has all of theirs."""
-    data: Mapping[str, object] = field(default_factory=dict)
-    """Further entries of the JSON file, in SI units."""
+    data: Mapping[str, object] = field(default_factory=dict)  # further entries of the JSON file, in SI units
 
     def all_tables(self) -> list[Table]:
         """The table of findings, if there are any, and the others."""

@@ -17,16 +17,12 @@ if TYPE_CHECKING:
 class Analysis:
     """An analysis, whose module is imported when it runs."""
 
-    name: str
-    """On the command line, and of the files."""
-    about: str
-    """One line for ``--help``."""
+    name: str  # on the command line, and of the files
+    about: str  # one line for ``--help``
     function: str
     """``module:function``; it takes :class:`.options.AnalysisOptions`."""
-    needs_fmus: bool = True
-    """False: it needs neither FMUs nor a system description."""
-    system: str = SYSTEM
-    """Name of the product's system structure description that it runs, unless told otherwise."""
+    needs_fmus: bool = True  # if not, it needs neither FMUs nor a system description
+    system: str = SYSTEM  # name of the product's system structure description that it runs, unless told otherwise
     takes: tuple[str, ...] = ()
     """Options that it takes besides those of every analysis: ``parameters``, ``requirements``, ``uncertainty``."""
 
@@ -47,7 +43,7 @@ _TABLE = (
     Analysis(
         "trajectories",
         "Fig 7 and Table 1 through commander and plant: errors along paths, the limits of the angles",
-        "ps_fmu.paper.figures.fig07.analysis:analyse",
+        "ps_fmu.paper.figures.fig07.report:analyse",
     ),
     Analysis(
         "transmissibility",
@@ -58,12 +54,12 @@ _TABLE = (
     Analysis(
         "stability",
         "Fig 10: the internal loop with delay, in the paper's reading and in that of its equation (48)",
-        "ps_fmu.paper.figures.fig10.analysis:analyse",
+        "ps_fmu.paper.figures.fig10.report:analyse",
     ),
     Analysis(
         "jitter",
         "Table 2 and Fig 9: RMS, rejection and image point, in closed form and co-simulated",
-        "ps_fmu.paper.figures.table2.analysis:analyse",
+        "ps_fmu.paper.figures.table2.report:analyse",
     ),
     Analysis(
         "paper",
@@ -73,18 +69,18 @@ _TABLE = (
     Analysis(
         "budget",
         "each source's, frequency band's and mode's share of the pointing errors that requirements name",
-        "ps_fmu.trades.budget.analysis:analyse",
+        "ps_fmu.trades.budget.report:analyse",
         takes=("parameters", "requirements", "uncertainty"),
     ),
     Analysis(
         "indices",
         "pointing indices of the default system from the FMUs, with their intervals, beside the closed form",
-        "ps_fmu.trades.indices.analysis:analyse",
+        "ps_fmu.trades.indices.report:analyse",
     ),
     Analysis(
         "sensors",
         "residual jitter behind real accelerometers, the best high-pass corner, and what a line-of-sight loop adds",
-        "ps_fmu.trades.sensors.analysis:analyse",
+        "ps_fmu.trades.sensors.report:analyse",
         system="InertialSensors.ssd",
     ),
 )

@@ -1,4 +1,4 @@
-"""Two lives of an FMU: in FMPy, and in a host written in C whose environment is PATH and HOME.
+"""The life of an FMU in a host written in C whose environment is PATH and HOME, beside that in FMPy.
 
 Each finds faults that the other cannot.  The C host finds FMUs that rely on libraries of a Python host, change settings
 of the host, cannot be unloaded, have other start values than the model description states, or cannot move their state
@@ -12,29 +12,19 @@ import math
 import os
 import re
 import shutil
-import sys
 import tempfile
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from ..cosim.archive import extract
 from ..native import find_compiled, find_platform, list_platforms
-from . import life_cycle
+from ..slavekit.pack.stages import StageResult, watch_stages
 from .reading import Description, Variable, parse_number
-from .stages import StageResult, watch_stages
 
 PYTHON_VARIABLE = "PS_FMU_PYTHON"
 """The environment variable that names a Python to our launcher."""
 _DEFAULT_STEP = 1e-2  # s
 _REFERENCE = re.compile(r"[0-9]{1,10}")
-
-
-def live_in_fmpy(fmu: Path) -> list[StageResult]:
-    """The stages of the life in FMPy, see :mod:`.life_cycle`; the first failure is the last stage."""
-    with tempfile.TemporaryDirectory(prefix="fmu_life_") as folder:
-        report = Path(folder, "report")
-        command = [sys.executable, "-I", "-B", life_cycle.__file__, str(fmu.resolve()), folder, str(report)]
-        return watch_stages(command, report)
 
 
 def find_c_host() -> Path | None:

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from ..cosim import read_system
 from ..cosim.description import get_unit, read_descriptions, read_start
-from ..cosim.ssp.xml_parts import start_values_xml
+from ..cosim.ssp.writing import start_values_xml
 from ..mechanism.instrument import Instrument, read_instrument
 from ..product.files import find_product
 from ..slavekit.author.slave import Slave

@@ -137,7 +137,7 @@ _PROGRAMS = (
         Part(libraries=("-ldl", "-lm", "-lpthread")),
         platforms=("linux64",),
     ),
-    Program("reduction", Part(_place("reduction", "columns", "filter", "histogram", "moments")), Part()),
+    Program("reduction", Part(_place("reduction", "reduction", "sse2", "avx2", "avx512")), Part()),
     Program(
         "host",
         Part(_place("host", "host", "task", "report", "settings")),

@@ -47,8 +47,7 @@ class Agreement:
     """
 
     response: Response
-    reference: NDArray[np.complex128]
-    """(n, 3, 6)."""
+    reference: NDArray[np.complex128]  # (n, 3, 6)
 
     @property
     def within(self) -> NDArray[np.bool_]:

@@ -13,7 +13,7 @@ from ..analyses.options import AnalysisOptions
 from ..analyses.result import AnalysisResult
 from ..analyses.table import ANALYSES
 from ..control.commander import DEFAULT_ALGORITHM_1
-from ..cosim.ssp.ssv import read_parameters
+from ..cosim.ssp.parameters import read_parameters
 from ..mechanism.parameters import load
 from ..runs.built_fmus import provide_fmus
 from ..theory.loop import loop_at

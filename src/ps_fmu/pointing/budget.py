@@ -39,16 +39,12 @@ class Source:
     """
 
     name: str
-    channels: tuple[str, ...]
-    """Names of the k channels, each of which has a line in the budget."""
-    frequency: Array
-    """(n,), Hz, ascending."""
-    response: Complex
-    """From the channels to the error: (n, signals, k), or by mode (modes, n, signals, k)."""
+    channels: tuple[str, ...]  # names of the k channels, each of which has a line in the budget
+    frequency: Array  # (n,), Hz, ascending
+    response: Complex  # from the channels to the error: (n, signals, k), or by mode (modes, n, signals, k)
     spectrum: NDArray[np.generic]
     """(n, k, k) or (k, k) for all frequencies, Hermitian: one-sided density, unit^2/Hz; of lines the mean squares."""
-    lines: bool = False
-    """Lines at the frequencies; otherwise samples of a density."""
+    lines: bool = False  # lines at the frequencies; otherwise samples of a density
 
     def __post_init__(self) -> None:
         k, n = len(self.channels), len(self.frequency)
@@ -93,8 +89,7 @@ class UncertaintyFactors:
     their squares.  Raises ``ValueError`` unless limits ascend and there is one factor more than limits, none negative.
     """
 
-    limits: tuple[float, ...] = ()
-    """Hz."""
+    limits: tuple[float, ...] = ()  # Hz
     factors: tuple[float, ...] = (1.0,)
 
     def __post_init__(self) -> None:
@@ -114,15 +109,12 @@ class Budget:
     """The variance of an index by channel, frequency band and mode."""
 
     index: PointingIndex
-    channels: tuple[str, ...]
-    """Names, source by source."""
-    edges: Array
-    """(bands + 1,), Hz."""
+    channels: tuple[str, ...]  # names, source by source
+    edges: Array  # (bands + 1,), Hz
     modes: tuple[str, ...]
     contribution: Array
     """(channels, bands, modes), unit^2; their sum is :attr:`variance`; some may be negative."""
-    variance: float
-    """Of all, unit^2, from the density of the error as a whole."""
+    variance: float  # of all, unit^2, from the density of the error as a whole
     factors: UncertaintyFactors = field(default_factory=UncertaintyFactors)
 
     @property

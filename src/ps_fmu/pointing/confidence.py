@@ -26,22 +26,15 @@ LEAST_RUNS = 5  # for a bootstrap: resamples of fewer hardly differ
 class Statement:
     """A number and how sure it is, in the unit of the values."""
 
-    value: float
-    """Best estimate."""
+    value: float  # best estimate
     confidence: float
     """Probability with which the interval holds the true value, and with which ``bound`` is not below it."""
-    lower: float
-    """Lower end of the two-sided interval; -inf where there are too few samples for one."""
-    upper: float
-    """Upper end of the two-sided interval; inf where there are too few samples for one."""
-    bound: float
-    """One-sided upper bound, which a limit is compared with; inf where there are too few samples for one."""
-    independent: float
-    """Number of independent samples that the statement rests on."""
-    method: str
-    """How interval and bound were found."""
-    probability: float | None = None
-    """Of the quantile; None if the value is not a quantile."""
+    lower: float  # lower end of the two-sided interval; -inf where there are too few samples for one
+    upper: float  # upper end of the two-sided interval; inf where there are too few samples for one
+    bound: float  # one-sided upper bound, which a limit is compared with; inf where there are too few samples for one
+    independent: float  # number of independent samples that the statement rests on
+    method: str  # how interval and bound were found
+    probability: float | None = None  # of the quantile; None if the value is not a quantile
     ensemble_share: float | None = None
     """Share of all possible runs that the bound covers, where it holds for every run of a sample (temporal)."""
 

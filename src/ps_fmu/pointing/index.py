@@ -28,10 +28,8 @@ Interpolation = Literal["linear", "power law", "bins"]
 class PointingIndex(ABC):
     """One aspect of how an error varies with time, as a linear operation on the error in a window."""
 
-    symbol: ClassVar[str]
-    """Short name, as in ECSS-E-ST-60-10C where it has one."""
-    keeps_bias: ClassVar[bool] = False
-    """Whether a constant error remains; if not, the index of a constant is zero."""
+    symbol: ClassVar[str]  # short name, as in ECSS-E-ST-60-10C where it has one
+    keeps_bias: ClassVar[bool] = False  # whether a constant error remains; if not, the index of a constant is zero
 
     @property
     def about(self) -> str:

@@ -54,8 +54,7 @@ class AbsoluteError(PointingIndex):
 
 @dataclass(frozen=True)
 class _WindowIndex(PointingIndex):
-    window: float
-    """Length of the window, s."""
+    window: float  # length of the window, s
 
     def __post_init__(self) -> None:
         _check_time(self.window, "window")
@@ -105,8 +104,7 @@ class RelativeError(_WindowIndex):
     the window this is 3 times the variance of ``uniform``, for fast ones the same.
     """
 
-    at: Literal["uniform", "end"]
-    """Where t lies in the window."""
+    at: Literal["uniform", "end"]  # where t lies in the window
 
     symbol: ClassVar[str] = "RPE"
 
@@ -143,8 +141,7 @@ class DriftError(_WindowIndex):
     Both windows have the same length and lie in one observation.  W = 4 sin^2(pi f D) j0^2.
     """
 
-    separation: float
-    """D, from the start of one window to the start of the other, s."""
+    separation: float  # D, from the start of one window to the start of the other, s
 
     symbol: ClassVar[str] = "PDE"
 

@@ -38,10 +38,8 @@ _BLOCK = 64  # frequencies that are solved at a time: 15 MB with 120 states
 class Mode:
     """A pair of oscillating poles, or several that cannot be told apart."""
 
-    frequency: float
-    """Hz, of the undamped oscillation."""
-    damping: float
-    """Damping ratio."""
+    frequency: float  # Hz, of the undamped oscillation
+    damping: float  # damping ratio
 
     @property
     def name(self) -> str:
@@ -53,10 +51,8 @@ class Mode:
 class ModalResponse:
     """A frequency response by mode."""
 
-    modes: tuple[Mode, ...]
-    """By ascending frequency."""
-    parts: Complex
-    """(modes + 1, n, signals, inputs); the last is the rest, and their sum is the response."""
+    modes: tuple[Mode, ...]  # by ascending frequency
+    parts: Complex  # (modes + 1, n, signals, inputs); the last is the rest, and their sum is the response
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -73,16 +69,11 @@ class ModalResponse:
 class StateSpace:
     """A linear model in increments; see the module's text.  Raises ``ValueError`` for shapes that do not fit."""
 
-    A: Array
-    """(n, n), 1/s."""
-    B: Array
-    """(n, inputs)."""
-    C: Array
-    """(signals, n)."""
-    step: float = 0.0
-    """s; 0: continuous time."""
-    D: Array | None = None
-    """(signals, inputs); None: nothing acts directly."""
+    A: Array  # (n, n), 1/s
+    B: Array  # (n, inputs)
+    C: Array  # (signals, n)
+    step: float = 0.0  # s; 0: continuous time
+    D: Array | None = None  # (signals, inputs); None: nothing acts directly
 
     def __post_init__(self) -> None:
         n, inputs, signals = len(self.A), self.B.shape[-1], len(self.C)

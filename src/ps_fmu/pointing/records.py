@@ -17,12 +17,9 @@ _BLOCK = 1 << 21  # numbers in a block of windows: 16 MB
 class Estimate:
     """An index over the windows of a record."""
 
-    bias: Array
-    """(signals,), mean over the windows, in the unit of the signals."""
-    covariance: Array
-    """(signals, signals), unit^2, about the bias; divided by the number of values."""
-    peak: Array
-    """(signals,), largest magnitude."""
+    bias: Array  # (signals,), mean over the windows, in the unit of the signals
+    covariance: Array  # (signals, signals), unit^2, about the bias; divided by the number of values
+    peak: Array  # (signals,), largest magnitude
     windows: int
     """Number of windows; they are not independent samples, see :func:`.confidence.effective_samples`."""
 

@@ -1,24 +1,26 @@
-"""Frequency response of a system with several inputs, from records of one period of a multisine."""
+"""What a system is, from records: its frequency response from periods of a multisine, its poles from a free motion."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+Complex = NDArray[np.complex128]
+
+LARGEST_HANKEL = 200  # rows and columns of blocks
+LEAST_SHARE = 1e-2  # of the largest mode in the band: what is smaller is what a high order makes of rounding
 
 
 @dataclass(frozen=True, eq=False)
 class Response:
     """A frequency response, found from records."""
 
-    frequency: Array
-    """(n,), Hz."""
-    matrix: ComplexArray
-    """(n, outputs, inputs)."""
+    frequency: Array  # (n,), Hz
+    matrix: Complex  # (n, outputs, inputs)
     coherence: Array
     """(n, outputs), multiple coherence: the share of an output's power that is a linear function of the inputs."""
 
@@ -56,7 +58,7 @@ def periodic_response(inputs: Array, outputs: Array, step: float, lines: Array) 
     return Response(lines, matrix, 1.0 - left / _power(Y))
 
 
-def _spectra(signals: Array) -> ComplexArray:
+def _spectra(signals: Array) -> Complex:
     """Records (records, n + 2, k) to spectra (bins, records, k)."""
     differences = np.diff(signals, n=2, axis=1)
     rows = differences.shape[1]
@@ -64,6 +66,40 @@ def _spectra(signals: Array) -> ComplexArray:
     return np.moveaxis(np.fft.rfft(differences * window[:, None], axis=1), 1, 0)
 
 
-def _power(spectra: ComplexArray) -> Array:
+def _power(spectra: Complex) -> Array:
     """(bins, records, k) to (bins, k)."""
     return np.asarray((spectra.real**2 + spectra.imag**2).sum(axis=1))
+
+
+def free_poles(motion: Array, step_s: float, order: int) -> Complex:
+    """Poles, rad/s, of a free motion (n, signals) in samples ``step_s`` apart, by the eigensystem realisation.
+
+    The order is that of the model: more than there are modes, and some are spurious.
+    """
+    from control import eigensys_realization
+
+    size = min((len(motion) - 1) // 2, LARGEST_HANKEL)
+    scaled = np.ascontiguousarray(motion.T[:, None, :] / np.abs(motion).max())
+    model, _ = eigensys_realization(scaled, order, m=size, n=size)
+    return np.asarray(np.log(np.linalg.eigvals(model.A).astype(complex)) / step_s)
+
+
+def rightmost(poles: Complex, band: tuple[float, float]) -> complex:
+    """The pole farthest to the right in a band of frequencies, Hz, above the real axis; nan if there is none."""
+    within = poles[_inside(poles, band)]
+    return complex(within[within.real.argmax()]) if within.size else complex(math.nan, math.nan)
+
+
+def slowest_mode(motion: Array, step_s: float, order: int, band: tuple[float, float]) -> complex:
+    """Rightmost pole, rad/s, of a free motion (n, signals) in a band, Hz, among those that matter in the motion."""
+    poles = free_poles(motion, step_s, order)
+    shapes = np.exp(np.outer(np.arange(len(motion)) * step_s, poles))
+    shapes /= np.abs(shapes).max(axis=0)
+    amplitude = np.abs(np.linalg.lstsq(shapes, motion, rcond=None)[0]).max(axis=1)
+    inside = _inside(poles, band)
+    return rightmost(poles[amplitude > LEAST_SHARE * amplitude[inside].max(initial=0.0)], band)
+
+
+def _inside(poles: Complex, band: tuple[float, float]) -> NDArray[np.bool_]:
+    cycles = poles.imag / (2.0 * math.pi)  # Hz
+    return np.asarray((cycles > band[0]) & (cycles < band[1]))

@@ -9,11 +9,47 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..cosim import Column
 from ..results.observers.kept import State, check_array
 from .distribution import Distribution
-from .requirement import NamedColumn, Requirement, Target, find_targets
+from .requirement import Requirement, Target, find_targets
 
 Array = NDArray[np.float64]
+
+
+class Windows:
+    """Samples of signals that are kept until they fill windows of an index.
+
+    Parameters
+    ----------
+    count: samples of a window.
+    stride: from the start of one window to that of the next.
+    axis: of the samples along which time goes, 0 or 1; sums along the last are faster, and rounded otherwise.
+    least: samples that are handed on at once.
+    """
+
+    def __init__(self, count: int, stride: int, axis: int = 0, least: int = 0) -> None:
+        self.count, self.stride, self._axis, self._least = count, stride, axis, max(count, least)
+        self.pending: list[Array] = []
+
+    @property
+    def waiting(self) -> int:
+        """Samples that are kept."""
+        return sum(samples.shape[self._axis] for samples in self.pending)
+
+    def add(self, samples: Array) -> Array | None:
+        """Add samples, which are kept; what :meth:`take` gives once there are enough."""
+        self.pending.append(samples)
+        return self.take() if self.waiting >= self._least else None
+
+    def take(self) -> Array | None:
+        """Samples of one full window or more, if there are; those that the next window has, too, stay here."""
+        if self.waiting < self.count:
+            return None
+        joined = np.concatenate(self.pending, self._axis)
+        begin = ((joined.shape[self._axis] - self.count) // self.stride + 1) * self.stride
+        self.pending = [(joined[begin:] if self._axis == 0 else joined[:, begin:]).copy()]
+        return joined
 
 
 class RequirementRecord:
@@ -33,7 +69,7 @@ class RequirementRecord:
     """
 
     def __init__(
-        self, requirement: Requirement, columns: Sequence[NamedColumn], step: float, rows: int, lead_s: float = 0.0
+        self, requirement: Requirement, columns: Sequence[Column], step: float, rows: int, lead_s: float = 0.0
     ) -> None:
         requirement.check_times(step, (rows - 1) * step - lead_s)
         self.requirement = requirement
@@ -44,11 +80,11 @@ class RequirementRecord:
         self._first = math.ceil((lead_s + requirement.settling_s) / step - 1e-6)
         self.after = f", after a lead-in of {lead_s:g} s" if lead_s else ""
         """What is to be said of the rows that are left out, besides the settling."""
-        self._count, self._stride = requirement.index.count(step), requirement.stride(step)
-        self._windows = (rows - self._first - self._count) // self._stride + 1
+        self._windows = Windows(requirement.index.count(step), requirement.stride(step))
+        self._expected = max(1, (rows - self._first - self._windows.count) // self._windows.stride + 1)
+        """Windows of the whole run."""
         self._places = [place for target in self.targets for place in target.places]
-        self._pending: list[Array] = []
-        self._waiting = self._each = 0
+        self._each = 0
         self.rows = 0
         """Rows seen after the settling."""
 
@@ -63,26 +99,20 @@ class RequirementRecord:
         if not len(samples):
             return
         self.rows += len(samples)
-        self._pending.append(samples)  # a copy: places are a list
-        self._waiting += len(samples)
-        if self._waiting < self._count:
-            return
-        joined = np.concatenate(self._pending)
-        found = self.requirement.index.values(joined, self.step, stride=self._stride)
-        self._add(found)
-        rest = joined[len(found) * self._stride :].copy()
-        self._pending, self._waiting = [rest], len(rest)
+        joined = self._windows.add(samples)  # a copy: places are a list
+        if joined is not None:
+            self._add(self.requirement.index.values(joined, self.step, stride=self._windows.stride))
 
     def save_state(self) -> dict[str, Any]:
         """What a checkpoint keeps; valid until the next block."""
         found = [one.save_state() for one in self.distributions]
-        return {"rows": self.rows, "pending": self._pending, "each": self._each, "distributions": found}
+        return {"rows": self.rows, "pending": self._windows.pending, "each": self._each, "distributions": found}
 
     def load_state(self, state: State) -> None:
         """Go on from a state of :meth:`save_state`.  Raises KeyError or ValueError for one that is none."""
         like = np.zeros((0, len(self._places)))
-        self._pending = [check_array("pending", one, like, grows=True) for one in state["pending"]]
-        self.rows, self._waiting = int(state["rows"]), sum(map(len, self._pending))
+        self._windows.pending = [check_array("pending", one, like, grows=True) for one in state["pending"]]
+        self.rows = int(state["rows"])
         self.distributions = []
         if state["distributions"]:
             self._make_distributions(int(state["each"]))
@@ -92,8 +122,7 @@ class RequirementRecord:
     def _make_distributions(self, each: int) -> None:
         """``each``: values of a window."""
         self._each = each
-        expected = max(1, self._windows) * each
-        self.distributions = [Distribution(target.limit, expected) for target in self.targets]
+        self.distributions = [Distribution(target.limit, self._expected * each) for target in self.targets]
 
     def _add(self, found: Array) -> None:
         """Add values (windows, r, signals)."""

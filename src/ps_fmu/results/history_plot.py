@@ -11,16 +11,18 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from .style import ACTIVE, AXES, DOTS_PER_INCH, FAULT, PASSIVE, REFERENCE, STYLE, engineering, label, largest
+from .figures import paint_charts
+from .page.content import Axis, Chart, ChartGroup, Curve
+from .style import COLOURS, DOTS_PER_INCH, STYLE
 
 if TYPE_CHECKING:
     from xarray import DataArray
 
-_COLOURS = {
-    name: colour for what in ("isolator", "loop") for name, colour in ((f"{what}_off", PASSIVE), (f"{what}_on", ACTIVE))
-} | {"passive": PASSIVE, "active": ACTIVE}
-_OTHERS = (*AXES, FAULT, REFERENCE)
-_STYLES = ("-", "--", ":")
+_OWN = {
+    "passive": "passive", "isolator_off": "passive", "loop_off": "passive",
+    "active": "active", "isolator_on": "active", "loop_on": "active",
+}  # fmt: skip
+_OTHERS = [(colour, drawn) for drawn in ("line", "dashed", "dotted") for colour in (*"xyz", "fault", "reference")]
 
 
 class ShownFigure(Figure):
@@ -44,20 +46,26 @@ def plot_histories(signals: Mapping[str, DataArray]) -> ShownFigure:
     if not signals or len({signal.sizes.get(d) for signal in signals.values() for d in signal.dims[1:]}) > 1:
         raise ValueError("expected one or more signals with the same components")
     first = next(iter(signals.values()))
-    rows = [""] if first.ndim == 1 else [str(name) for name in first[first.dims[1]].values]
+    rows = [str(first.name)] if first.ndim == 1 else [str(name) for name in first[first.dims[1]].values]
+    taken = {COLOURS[_OWN[case]] for case in signals if case in _OWN}
+    others = cycle(other for other in _OTHERS if COLOURS[other[0]] not in taken)
+    looks = {case: (_OWN[case], "line") if case in _OWN else next(others) for case in signals}
+    time = max((np.asarray(signal["time"]) for signal in signals.values()), key=len)
+    charts = [
+        Chart(row, str(first.attrs.get("units", "1")), [
+            Curve(case, looks[case][0], _take(signal, place, time), drawn=looks[case][1])
+            for case, signal in signals.items()
+        ])
+        for place, row in enumerate(rows)
+    ]  # fmt: skip
+    title = f"{first.name}: {first.attrs.get('long_name', '')}"
     with rc_context(STYLE):
-        figure = ShownFigure(figsize=(10.0, 1.2 + 2.3 * len(rows)), dpi=DOTS_PER_INCH, layout="constrained")
-        grid = figure.subplots(len(rows), 1, sharex=True, squeeze=False)[:, 0]
-        for place, (axes, row) in enumerate(zip(grid, rows, strict=True)):
-            columns = {case: np.asarray(signal).reshape(len(signal), -1)[:, place] for case, signal in signals.items()}
-            factor, unit = engineering(str(first.attrs.get("units", "")), largest(columns.values()))
-            taken = {_COLOURS[case] for case in signals if case in _COLOURS}
-            others = cycle((colour, style) for style in _STYLES for colour in _OTHERS if colour not in taken)
-            for case, values in columns.items():
-                colour, style = (_COLOURS[case], "-") if case in _COLOURS else next(others)
-                axes.plot(signals[case]["time"], values * factor, style, color=colour, label=case, lw=1.0)
-            label(axes, row or str(first.name), unit)
-        grid[-1].set_xlabel("time (s)")
-        grid[0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(signals))
-        figure.suptitle(f"{first.name}: {first.attrs.get('long_name', '')}", fontsize=13.0, wrap=True)
+        figure = ShownFigure(figsize=(10.0, 1.4 + 2.3 * len(rows)), dpi=DOTS_PER_INCH, layout="constrained")
+        paint_charts(figure, ChartGroup(title, "", Axis("time", "s", time), charts))
     return figure
+
+
+def _take(signal: DataArray, component: int, time: np.ndarray) -> np.ndarray:
+    """A component at times (n,), s, of the longest case; NaN after the end of a shorter one."""
+    values = np.asarray(signal, dtype=float).reshape(len(signal), -1)[:, component]
+    return np.interp(time, signal["time"], values, right=np.nan)

@@ -14,10 +14,14 @@ from pathlib import Path
 from markupsafe import Markup
 
 from ..slavekit.pack.files import write_atomically
-from .page.content import Exploration, Verdict
+from .page.content import Exploration, VerdictRow
 from .page.writer import render_page
 from .summary import FmuFile
 from .tables import Table
+
+HOW_TO_ZOOM = (
+    "Drag across a chart, or use Ctrl and wheel, two fingers, or the buttons to zoom; double click shows everything."
+)
 
 
 @dataclass(frozen=True)
@@ -59,7 +63,7 @@ class Report:
     """What a report shows, in this order."""
 
     title: str
-    verdicts: Sequence[Verdict] = ()
+    verdicts: Sequence[VerdictRow] = ()
     text: Sequence[str] = ()  # paragraphs: what was run, and how to read it
     warnings: Sequence[str] = ()  # unconnected inputs, statuses, saturation
     tables: Sequence[Table] = ()
@@ -78,6 +82,7 @@ class Report:
             "pictures": [_embed(picture) for picture in self.pictures],
             "sections": [_show_section(k, section) for k, section in enumerate(self.sections, 1)],
             "origin": [Markup(table.to_html()) for table in self._tabulate_origin()],
+            "how_to_zoom": HOW_TO_ZOOM,
             "written": datetime.now(UTC).isoformat(sep=" ", timespec="seconds"),
         }
         return render_page(shown, self.explored.pack())

@@ -32,6 +32,11 @@ ACTIVE = "#0072B2"
 AXES = ("#0072B2", "#D55E00", "#009E73")  # x, y, z
 REFERENCE = "#555555"
 FAULT = "#CC79A7"
+COLOURS = {
+    "passive": PASSIVE, "active": ACTIVE, "reference": REFERENCE, **dict(zip("xyz", AXES, strict=True)),
+    "fault": FAULT, "amber": "#E69F00", "sky": "#56B4E9",
+}  # fmt: skip
+"""Colours by their names in charts; the page has a value of each for a light and for a dark page (page.css)."""
 
 _DRAWING = Lock()
 """Settings and texts of matplotlib are those of all threads: one draws at a time."""

@@ -25,7 +25,7 @@ _BESIDE = 0.02  # of the width: names that are nearer than this are written as o
 
 
 @dataclass(frozen=True, eq=False)
-class Line:
+class Harmonic:
     """A harmonic: ``frequency`` (rows,), Hz, at each ordinate."""
 
     wheel: str
@@ -34,7 +34,7 @@ class Line:
 
 
 @dataclass(frozen=True)
-class Mode:
+class ModeLine:
     """A natural mode of the structure, Hz."""
 
     name: str
@@ -42,7 +42,7 @@ class Mode:
 
 
 @dataclass(frozen=True)
-class Mark:
+class Place:
     """A place that is pointed out: the worst crossing of a case."""
 
     frequency: float
@@ -51,12 +51,12 @@ class Mark:
 
 
 @dataclass(frozen=True, eq=False)
-class Panel:
+class CasePanel:
     """The ``amplitude`` (rows, bins) of a case, and the place that is pointed out in it."""
 
     case: str
     amplitude: Array
-    mark: Mark | None = None
+    mark: Place | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,9 +75,10 @@ class Waterfall:
     """Of the amplitudes."""
     ordinate: Array
     frequency: Array
-    panels: Sequence[Panel]
-    lines: Sequence[Line]
-    modes: Sequence[Mode]
+    panels: Sequence[CasePanel]
+    lines: Sequence[Harmonic]
+    modes: Sequence[ModeLine]
+    file: str = "waterfall.png"
 
     def __post_init__(self) -> None:
         expected = len(self.ordinate), len(self.frequency)
@@ -96,7 +97,7 @@ class Waterfall:
         highest = max([mode.frequency for mode in self.modes], default=np.inf)
         return min(SHOWN * highest, float(self.frequency[-1]))
 
-    def levels(self, panel: Panel) -> Array:
+    def levels(self, panel: CasePanel) -> Array:
         """Of a panel in dB of the largest amplitude, not below ``-RANGE_DB``, (rows, bins)."""
         floor = self.largest * 10.0 ** (-RANGE_DB / 20.0)
         return np.asarray(20.0 * np.log10(np.maximum(panel.amplitude, floor) / self.largest))
@@ -154,9 +155,9 @@ def _draw_lines(axes: Axes, shown: Waterfall, end: float) -> None:
             )  # fmt: skip
 
 
-def _name_modes(axes: Axes, modes: Sequence[Mode], end: float) -> None:
+def _name_modes(axes: Axes, modes: Sequence[ModeLine], end: float) -> None:
     """A line at each mode's frequency, and the names above the picture; neighbours share a label."""
-    groups: list[list[Mode]] = []
+    groups: list[list[ModeLine]] = []
     for mode in sorted(modes, key=lambda each: each.frequency):
         if mode.frequency > end:
             continue
@@ -173,7 +174,7 @@ def _name_modes(axes: Axes, modes: Sequence[Mode], end: float) -> None:
         )  # fmt: skip
 
 
-def name_group(modes: Sequence[Mode]) -> str:
+def name_group(modes: Sequence[ModeLine]) -> str:
     """One label for modes beside each other: the name of a single one, or the kinds of several."""
     if len(modes) == 1:
         return modes[0].name
@@ -181,7 +182,7 @@ def name_group(modes: Sequence[Mode]) -> str:
     return ", ".join(kind + ("s" if kind.endswith("mode") else "") for kind in kinds)
 
 
-def _point_out(axes: Axes, mark: Mark, end: float) -> None:
+def _point_out(axes: Axes, mark: Place, end: float) -> None:
     axes.plot([mark.frequency], [mark.ordinate], marker="o", ms=12, mfc="none", mec="white", mew=1.8)
     right = mark.frequency < 0.6 * end
     axes.annotate(

@@ -23,8 +23,7 @@ from ..cosim.rows import Array
 from ..cosim.schemes.resolving import resolve_scheme
 from ..cosim.schemes.scheme import make_scheme
 from ..cosim.signals import Signal, read_signals
-from ..cosim.ssp.reading import read_parameters
-from ..cosim.ssp.single import complete_experiment, fit_duration, read_any_system
+from ..cosim.ssp.reading import complete_experiment, fit_duration, read_any_system, read_parameters
 from ..cosim.structure import PortName, System, split_port
 from ..reduction.columns import NETCDF_LOCK
 from ..results.quick_plot import Line, draw_quick_plot

@@ -12,8 +12,8 @@ from typing import Any
 
 from .. import __version__
 from ..cosim.isolation.instance import Isolation
-from ..cosim.osp.reading import OSP_NAME
 from ..cosim.schemes.scheme import Iteration, Scheme, read_rate
+from ..cosim.ssp.osp import OSP_NAME
 from ..cosim.ssp.sources import SSD_NAME
 from ..slavekit.pack.files import write_atomically
 from .options import CHECKPOINTS, OptionError

@@ -6,11 +6,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from ..requirements.verdict import Answer, format_verdicts, list_remarks, summarise
-from ..requirements.verdict import Verdict as Judgement
-from ..results.page.content import Exploration, Verdict
+from ..requirements.verdict import Answer, Verdict, format_verdicts, list_remarks, summarise
+from ..results.figures import draw_exploration
+from ..results.page.content import Exploration, VerdictRow
 from ..results.report import Picture, Report
-from ..results.summary import RunSummary, versions
+from ..results.summary import versions, write_summary
 from ..results.tables import Table
 from .cases import Outcome
 from .fault_report import list_faults, tabulate_faults
@@ -29,7 +29,7 @@ class TargetError(ValueError):
 
 @dataclass(frozen=True)
 class Findings:
-    """The results of a scenario.  The three lists are those of :class:`RunSummary`; ``more`` goes there, too."""
+    """The results of a scenario.  The three lists, per axis of P, and ``more`` go into summary.json."""
 
     title: str
     printed: str  # what the terminal shows first
@@ -42,9 +42,9 @@ class Findings:
     rms_active_rad: Sequence[float] | None = None
     rejection_percent: Sequence[float] | None = None
     more: Mapping[str, object] = field(default_factory=dict)
-    verdicts: Sequence[Verdict] = ()  # on the scenario's own requirements; one that cannot be said is no failure
-    draw: Callable[[Path], Sequence[Picture]] = lambda _folder: ()  # draws figures as PNG files into a folder
-    explore: Callable[[Path], Exploration] = lambda _path: Exploration()  # charts and motion, from results.nc, too
+    verdicts: Sequence[VerdictRow] = ()  # on the scenario's own requirements; one that cannot be said is no failure
+    draw: Callable[[Path], Sequence[Picture]] = lambda _folder: ()  # draws what is no chart into a folder
+    explore: Callable[[Path], Exploration] = lambda _path: Exploration()  # charts, their PNG files, motion
     refused: str = ""  # targets that are out of reach
 
     @property
@@ -59,14 +59,14 @@ def publish(options: RunOptions, system: RunSystem, findings: Findings) -> str:
     Returns what the terminal shows of it: verdicts, faults, costs, how fast it went and where the results are.  Raises
     ``OSError`` if they cannot be written.
     """
-    pictures = findings.draw(options.output) if options.figures else ()
     explored = findings.explore(options.output / RESULTS)
+    pictures = [*draw_exploration(explored, options.output), *findings.draw(options.output)] if options.figures else []
     try:
         finish_file(options.output / RESULTS)
     except OSError as error:  # the rows are there; nothing else is to be lost
         system.warnings.add(str(error))
     verdicts = system.judge.conclude()
-    make_summary(options, system, findings).write(options.output / SUMMARY)
+    write_summary(options.output / SUMMARY, make_summary(options, system, findings))
     faults = _tabulate_faults(options, findings)
     Report(
         title=findings.title,
@@ -92,32 +92,31 @@ def describe(options: RunOptions, system: RunSystem, findings: Findings) -> list
     return [*shown, *(f"{table.caption}\n{table.to_text()}\n" for table in tables)]
 
 
-def make_summary(options: RunOptions, system: RunSystem, findings: Findings) -> RunSummary:
+def make_summary(options: RunOptions, system: RunSystem, findings: Findings) -> dict[str, object]:
     """What summary.json says."""
     verdicts = system.judge.conclude()
     required = {"verdicts": [verdict.as_dict() for verdict in verdicts]} if verdicts else {}
     acted = {outcome.case.name: outcome.faults for outcome in findings.outcomes}
-    return RunSummary(
-        scenario=options.scenario.name,
-        orientation_deg=findings.orientation_deg,
-        step_s=options.step_s,
-        duration_s=options.duration_s,
-        seed=int(system.get_start(SEED)),
-        rms_passive_rad=findings.rms_passive_rad,
-        rms_active_rad=findings.rms_active_rad,
-        rejection_percent=findings.rejection_percent,
-        real_time_factor=findings.real_time_factor,
-        fmus=identify_fmus(system),
-        more={
-            **findings.more,
-            **required,
-            **({} if options.faults is None else {"faults": list_faults(options.faults, acted)}),
-            **({"costs": system.costs.as_dict()} if options.profile else {}),
-            "indices": system.indices.as_dict(),
-            "parameters": collect_parameters(options, system),
-            "warnings": system.warnings.texts,
-        },
-    )
+    return {
+        "scenario": options.scenario.name,
+        "orientation_deg": findings.orientation_deg,
+        "step_s": options.step_s,
+        "duration_s": options.duration_s,
+        "seed": int(system.get_start(SEED)),
+        "rms_passive_rad": findings.rms_passive_rad,
+        "rms_active_rad": findings.rms_active_rad,
+        "rejection_percent": findings.rejection_percent,
+        "real_time_factor": findings.real_time_factor,
+        "fmus": identify_fmus(system),
+        "versions": versions(),
+        **findings.more,
+        **required,
+        **({} if options.faults is None else {"faults": list_faults(options.faults, acted)}),
+        **({"costs": system.costs.as_dict()} if options.profile else {}),
+        "indices": system.indices.as_dict(),
+        "parameters": collect_parameters(options, system),
+        "warnings": system.warnings.texts,
+    }
 
 
 def list_missed(system: RunSystem, findings: Findings) -> list[str]:
@@ -135,11 +134,11 @@ def _tabulate_faults(options: RunOptions, findings: Findings) -> list[Table]:
     return [] if options.faults is None else [tabulate_faults(acted)]
 
 
-def show_verdict(found: Judgement) -> Verdict:
+def show_verdict(found: Verdict) -> VerdictRow:
     """A verdict as a row of the report."""
     name, _, signal, case, value, bound, limit, margin = found.as_row()
     sure = found.requirement.confidence
-    return Verdict(
+    return VerdictRow(
         requirement=f"{name}: {found.requirement.about}, {signal}, {case}",
         value=value,
         limit=limit,

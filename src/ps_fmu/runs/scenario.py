@@ -75,20 +75,20 @@ SCENARIOS: Mapping[str, Scenario] = {
         Scenario(
             "trajectories",
             "Fig 7 of the paper: closed paths and a random walk, each with three solvers",
-            "ps_fmu.paper.figures.fig07.scenario",
+            "ps_fmu.paper.figures.fig07.report",
             duration_s=60.0,  # up to 25 targets of a path
             step_s=1e-3,
         ),
         Scenario(
             "stability",
             "Fig 10 of the paper: what follows a pulse on the bus, with delay in the loop",
-            "ps_fmu.paper.figures.fig10.scenario",
+            "ps_fmu.paper.figures.fig10.report",
             duration_s=10.0,  # after the pulse, for each case
         ),
         Scenario(
             "table2",
             "Table 2 of the paper: four orientations, passive and active",
-            "ps_fmu.paper.figures.table2.scenario",
+            "ps_fmu.paper.figures.table2.report",
             duration_s=100.0,  # window of the statistics, at each orientation
         ),
     )

@@ -9,9 +9,10 @@ from contextlib import contextmanager
 
 
 class WarningLog:
-    """Warnings in the order in which they came, each text once."""
+    """Warnings in the order in which they came, each text once; ``shown`` on the error stream, too."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, shown: bool = True) -> None:
+        self._shown = shown
         self._texts: dict[str, None] = {}
 
     @property
@@ -20,12 +21,13 @@ class WarningLog:
         return tuple(self._texts)
 
     def add(self, text: str) -> None:
-        """Keep a warning and write it to the error stream, above a progress bar; nothing if it is known already."""
+        """Keep a warning and show it above a progress bar; nothing if it is known already."""
         from tqdm import tqdm
 
         if text not in self._texts:
             self._texts[text] = None
-            tqdm.write(text, file=sys.stderr)
+            if self._shown:
+                tqdm.write(text, file=sys.stderr)
 
     @contextmanager
     def collect(self) -> Iterator[None]:

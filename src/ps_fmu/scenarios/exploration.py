@@ -1,9 +1,10 @@
-"""What the reports of runs let their readers explore: charts, image points and the moving mechanism."""
+"""What the reports of scenarios show and let their readers explore: charts, image points, the moving mechanism."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,18 +15,29 @@ from ..cosim.recording.columns_on_disk import read_rows
 from ..mechanism.inverse_kinematics import trilaterate
 from ..mechanism.kinematics import Geometry
 from ..mechanism.rotations import rotation_matrix
+from ..pointing.spectra import cumulative_rms, log_bands
 from ..reduction.columns import NETCDF_LOCK
-from ..results.observers.envelope import Envelope
-from ..results.observers.means import MeanObserver, Means
+from ..results.observers.bins import Envelope, MeanObserver, Means
 from ..results.observers.scatter import Scatter
-from ..results.page.content import Axis, Chart, ChartGroup, Cloud, CloudGroup, Curve, Exploration, Mechanism, Motion
-from ..results.plots import shorten_name
+from ..results.page.content import (
+    Axis,
+    Chart,
+    ChartGroup,
+    Cloud,
+    CloudGroup,
+    Curve,
+    Exploration,
+    Mechanism,
+    Motion,
+    Spans,
+    Still,
+)  # fmt: skip
 from ..results.style import engineering
 from ..results.tables import format_angles
+from ..runs.cases import Outcome
 from ..runs.setup import RunSystem
-from .comparison import Comparison, caption_spectra
+from .comparison import CASES, Comparison
 from .jitter_record import ORIENTATION, ROTATION
-from .spectra_charts import AVERAGED, Spectrum, chart_spectra
 
 Array = NDArray[np.float64]
 
@@ -37,9 +49,6 @@ BASE_POSITION, BASE_ROTATION, PAYLOAD_POSITION = (
 MOTION = (*ORIENTATION, *BASE_POSITION, *BASE_ROTATION, *PAYLOAD_POSITION, *ROTATION)
 MOTION_BINS = 6000  # instants of the motion that is played, at most: 1 MB in a report with two runs
 READ_ROWS = 100_000  # of results.nc at a time: 12 MB
-HOW_TO_ZOOM = (
-    "Drag across a chart, or use Ctrl and wheel, two fingers, or the buttons to zoom; double click shows everything."
-)
 NOMINAL_POSITION = tuple(f"plant.nominal_translation.{axis}" for axis in "xyz")
 JOINTS = tuple(
     f"plant.{kind}_leg_{k}.{joint}.{axis}"
@@ -48,6 +57,11 @@ JOINTS = tuple(
     for k in (1, 2, 3)
     for axis in "xyz"
 )
+DECADES = 16  # below the largest density all is rounding
+BANDS_PER_DECADE = 2000  # 0.12 %: a line is read to 0.1 Hz at 100 Hz
+FEWEST_ROWS = 16
+_AVERAGED = f"a {BANDS_PER_DECADE}th of a decade"
+MOST_ROWS = 2**19  # of a settled part: 12 MB a case; what is before is left out
 
 
 @dataclass(frozen=True)
@@ -58,64 +72,186 @@ class Column:
     unit: str
 
 
-def explore_comparison(comparison: Comparison, system: RunSystem, results: Path) -> Exploration:
-    """Jitter over time, spectra, image points and the mechanism of an orientation, passive and active.
+def explore_comparisons(comparisons: Mapping[str, Comparison], system: RunSystem, results: Path) -> Exploration:
+    """Jitter over time, spectra and image points of orientations, passive and active; the mechanism of the first.
 
-    The comparison has been made with ``explored`` and stored in the file ``results``.  Raises
+    The comparisons are stored in the file ``results``; their keys begin the names of their PNG files.  Raises
     ``OSError`` if that cannot be read.
     """
-    runs = [(name, outcome.case.name) for name, outcome in zip(("passive", "active"), comparison.outcomes, strict=True)]
-    return replace(_explore_jitter(comparison), mechanism=show_mechanism(system, results, runs))
+    parts = [_chart_comparison(comparison, prefix) for prefix, comparison in comparisons.items()]
+    outcomes = next(iter(comparisons.values())).outcomes
+    runs = [(name, outcome.case.name) for name, outcome in zip(CASES, outcomes, strict=True)]
+    charts = [group for groups, _ in parts for group in groups]
+    return Exploration(charts, [clouds for _, clouds in parts], show_mechanism(system, results, runs))
 
 
-def explore_comparisons(comparisons: Sequence[Comparison], system: RunSystem, results: Path) -> Exploration:
-    """The same of several orientations, with the mechanism of the first one."""
-    parts = [explore_comparison(comparisons[0], system, results), *map(_explore_jitter, comparisons[1:])]
-    titled = list(zip((f"{format_angles(c.orientation_deg)} deg: " for c in comparisons), parts, strict=True))
-    return replace(
-        parts[0],
-        charts=[replace(group, title=place + group.title) for place, part in titled for group in part.charts],
-        clouds=[replace(group, title=place + group.title) for place, part in titled for group in part.clouds],
+def _chart_comparison(comparison: Comparison, prefix: str) -> tuple[list[ChartGroup], CloudGroup]:
+    """Charts and image points of a comparison, and the names of their PNG files."""
+    records = comparison.records
+    where = f"at {format_angles(comparison.orientation_deg)} deg"
+    envelopes = [record.envelope for record in records]
+    time = envelopes[0].time
+    width = time[1] - time[0] if len(time) > 1 else 0.0
+    histories = ChartGroup(
+        f"Rotation of the payload by vibration, axes of P, {where}",
+        f"Smallest and largest value of each {width:.3g} s of the run, from every step: no peak is lost.",
+        Axis("time", "s", time),
+        chart_envelopes(list(zip(CASES, CASES, envelopes, strict=True))),
+        shaded=shade_faults(comparison.outcomes[1]),
+        stills=[Still(f"{prefix}jitter.png", enlarged="active")],
     )
-
-
-def _explore_jitter(comparison: Comparison) -> Exploration:
-    """Charts and image points of a comparison."""
-    passive, active = comparison.passive, comparison.active
-    charts = [
-        chart_envelopes(
-            "Rotation of the payload by vibration, axes of P",
-            _caption_time(passive.fine_envelope),
-            (("passive", passive.fine_envelope), ("active", active.fine_envelope)),
-        ),
-        *_chart_spectra(comparison),
-    ]
     clouds = CloudGroup(
-        "Image point of the boresight",
-        f"The points about their mean and their convex hulls; on the right the active ones alone. {HOW_TO_ZOOM}",
-        passive.scatter.unit,
-        [_make_cloud("passive", passive.scatter), _make_cloud("active", active.scatter)],
+        f"Image point of the boresight {where}",
+        "The points about their mean and their convex hulls; on the right the active ones alone.",
+        records[0].scatter.unit,
+        [_make_cloud(name, record.scatter) for name, record in zip(CASES, records, strict=True)],
+        f"{prefix}image_point.png",
     )
-    return Exploration(charts, [clouds])
+    charts, passive, active = [histories], *(record.spectrum for record in records)
+    if passive is not None and active is not None:
+        frequency = passive[0]
+        caption = (
+            f"Power spectral density (Welch, segments of {1.0 / frequency[1]:.3g} s, averaged over {_AVERAGED}), and "
+            "the RMS of all that lies below a frequency. Each segment's mean is taken out: what is slower than a "
+            "segment is missing, so the curves end below the RMS of the table, the more so the shorter the run."
+        )
+        charts.append(
+            chart_spectra(
+                f"Spectra of the payload's rotation {where}",
+                caption,
+                [shorten_name(name) for name in ROTATION],
+                frequency,
+                [Spectrum("passive", "passive", passive[1]), Spectrum("active", "active", active[1])],
+                [Still(f"{prefix}spectra.png")],
+            )
+        )
+    return charts, clouds
+
+
+def shade_faults(outcome: Outcome) -> list[Spans]:
+    """The spans of a case in which a fault acts, to be shaded; nothing without any."""
+    spans = outcome.find_spans()
+    return [Spans("a fault acts", spans, "fault", 0.25)] if spans else []
+
+
+def shorten_name(name: str) -> str:
+    """A column's name without its component, in words: ``plant.payload_rotation.x`` is payload rotation x."""
+    return name.split(".", 1)[-1].replace("_", " ").replace(".", " ")
 
 
 def chart_envelopes(
-    title: str, caption: str, cases: Sequence[tuple[str, Envelope]], *, colours: Sequence[str] = ("passive", "active")
-) -> ChartGroup:
-    """A chart for each signal with a curve for each case; the envelopes have one time axis, s."""
-    first = cases[0][1]
-    charts = [
+    cases: Sequence[tuple[str, str, Envelope]], *, names: Sequence[str] = (), unit: str = "", factor: float = 1.0
+) -> list[Chart]:
+    """A chart for each signal with a curve for each case: label, colour, envelope, all with one time axis.
+
+    ``names`` of the charts are by default those of the columns, in words; ``factor`` takes values to another ``unit``.
+    """
+    first = cases[0][2]
+    return [
         Chart(
-            shorten_name(name),
-            first.units[row],
-            [
-                Curve(case, colour, envelope.low[row], envelope.high[row])
-                for (case, envelope), colour in zip(cases, colours, strict=True)
-            ],
+            name,
+            unit or first.units[row],
+            [Curve(label, colour, factor * each.low[row], factor * each.high[row]) for label, colour, each in cases],
         )
-        for row, name in enumerate(first.names)
+        for row, name in enumerate(names or map(shorten_name, first.names))
     ]
-    return ChartGroup(title, caption, Axis("time", "s", first.time), charts)
+
+
+@dataclass(frozen=True, eq=False)
+class Spectrum:
+    """One-sided density ``psd`` (signals, n) of a case, and what the report calls and colours it."""
+
+    label: str
+    colour: str
+    psd: Array
+
+
+def chart_spectra(
+    title: str,
+    caption: str,
+    names: Sequence[str],
+    frequency: Array,
+    cases: Sequence[Spectrum],
+    stills: Sequence[Still] = (),
+) -> ChartGroup:
+    """Density (rad2/Hz) and RMS below a frequency (rad) of each signal, over ``frequency`` (n,), Hz.
+
+    What lies :data:`DECADES` below the largest density is rounding, and is left out.
+    """
+    sums = [cumulative_rms(frequency, case.psd) for case in cases]
+    floor = max(float(case.psd[:, 1:].max()) for case in cases) * 10.0**-DECADES
+    shown = np.any([(case.psd > floor).any(axis=0) for case in cases], axis=0)
+    end = int(np.flatnonzero(shown)[-1]) + 1 if shown.any() else len(frequency)
+    middle = log_bands(frequency[:end], cases[0].psd[:, :end], per_decade=BANDS_PER_DECADE)[0]
+    densities, below = [], []
+    for row, name in enumerate(names):
+        means = [log_bands(frequency[:end], case.psd[row, :end], per_decade=BANDS_PER_DECADE)[1] for case in cases]
+        densities.append(
+            Chart(
+                f"{name}, PSD",
+                "rad2/Hz",
+                [
+                    Curve(case.label, case.colour, np.where(mean > floor, mean, np.nan))
+                    for case, mean in zip(cases, means, strict=True)
+                ],
+                logarithmic=True,
+            )
+        )
+        curves = [
+            Curve(case.label, case.colour, np.interp(middle, frequency, rms[row]))
+            for case, rms in zip(cases, sums, strict=True)
+        ]
+        below.append(Chart(f"{name}, RMS below frequency", "rad", curves, logarithmic=True))
+    axis = Axis("frequency", "Hz", middle, logarithmic=True)
+    return ChartGroup(title, caption, axis, [*densities, *below], stills=stills)
+
+
+def chart_settled(
+    what: str,
+    names: Sequence[str],
+    span: tuple[float, float],
+    rows: Sequence[tuple[str, str, Array]],
+    step_s: float,
+    highest_hz: float | None = None,
+) -> list[ChartGroup]:
+    """The spectra of the settled part of a transient: one group, or none where it is too short or nothing moves.
+
+    Parameters
+    ----------
+    what: the quantity, for the heading.
+    span: of the settled part, s.
+    rows: label, colour and rows (n, signals), rad, of each case; ``step_s`` apart.
+    highest_hz: what is above is filtered away in the rows; None: nothing is.
+    """
+    from scipy.signal import welch
+
+    count = min(len(values) for _, _, values in rows)
+    if count < FEWEST_ROWS or not any(np.ptp(values, axis=0).any() for _, _, values in rows):
+        return []
+    segment = 2 ** int(np.log2(count) - 1)  # two segments at least, so that three are averaged
+    spectra, frequency = [], np.zeros(0)
+    for label, colour, values in rows:
+        frequency, psd = welch(values[:count], 1.0 / step_s, nperseg=segment, detrend="linear", axis=0)
+        spectra.append(Spectrum(label, colour, psd.T))
+    if highest_hz is not None:
+        kept = frequency <= highest_hz
+        frequency, spectra = frequency[kept], [Spectrum(s.label, s.colour, s.psd[:, kept]) for s in spectra]
+    filtered = "" if highest_hz is None else f" The stored rows are filtered to {highest_hz:.3g} Hz."
+    caption = (
+        f"From {span[0]:.4g} to {span[1]:.4g} s: the transient before has no stationary spectrum. Power spectral "
+        f"density (Welch, segments of {segment * step_s:.3g} s, averaged over {_AVERAGED}), and the RMS of all that "
+        f"lies below a frequency. Of each segment the mean and the linear trend are taken out.{filtered}"
+    )
+    return [chart_spectra(f"Spectra of the settled part: {what}", caption, names, frequency, spectra)]
+
+
+@contextmanager
+def open_results(path: Path) -> Iterator[Any]:
+    """The groups of results.nc, to be read by one thread at a time.  Raises OSError."""
+    import netCDF4
+
+    with NETCDF_LOCK, netCDF4.Dataset(path) as file:
+        yield file
 
 
 def show_mechanism(system: RunSystem, results: Path, runs: Sequence[tuple[str, str]]) -> Mechanism | None:
@@ -127,9 +263,7 @@ def show_mechanism(system: RunSystem, results: Path, runs: Sequence[tuple[str, s
     known = {f"plant.{variable.name}" for variable in system.descriptions["plant"].modelVariables}
     if not {*MOTION, *JOINTS, *NOMINAL_POSITION} <= known:
         return None
-    import netCDF4
-
-    with NETCDF_LOCK, netCDF4.Dataset(results) as file:
+    with open_results(results) as file:
         motions = [(label, motion) for label, group in runs if (motion := read_motion(file[group]))]
     if len(motions) < len(runs):
         return None
@@ -199,25 +333,4 @@ def _make_cloud(case: str, scatter: Scatter) -> Cloud:
         case,
         scatter.points - scatter.centre,
         scatter.hull - scatter.centre,
-    )
-
-
-def _chart_spectra(comparison: Comparison) -> Iterator[ChartGroup]:
-    passive, active = comparison.passive.spectrum, comparison.active.spectrum
-    if passive is None or active is None:
-        return
-    yield chart_spectra(
-        "Spectra of the payload's rotation",
-        caption_spectra(passive[0], AVERAGED),
-        [shorten_name(name) for name in comparison.passive.statistics.names],
-        passive[0],
-        [Spectrum("passive", "passive", passive[1]), Spectrum("active", "active", active[1])],
-    )
-
-
-def _caption_time(envelope: Envelope) -> str:
-    width = envelope.time[1] - envelope.time[0] if len(envelope.time) > 1 else 0.0
-    return (
-        f"Smallest and largest value of each {width:.3g} s of the run, from every step: no peak is lost. "
-        f"{HOW_TO_ZOOM}"
     )

@@ -12,14 +12,13 @@ from .comparison import (
     HEADER,
     compare,
     describe_alone,
-    draw_comparison,
     explain_refusal,
     make_index_table,
     make_rows,
     read_target,
     run_cases,
 )
-from .exploration import explore_comparison
+from .exploration import explore_comparisons
 
 
 def list_cases() -> tuple[str, ...]:
@@ -31,10 +30,10 @@ def find(run: Run) -> Findings:
     """Run both cases; the jitter of the payload without and with the isolator."""
     system = run.load()
     target = read_target(system)
+    runs = run_cases(system, run.options, target, explored=True, only=run.only)
     if run.only:
-        alone = run_cases(system, run.options, target, only=run.only)
-        return describe_alone([outcome for outcome, _ in alone], system.indices)
-    found = compare(system, run.options, target, explored=True)
+        return describe_alone([outcome for outcome, _ in runs], system.indices)
+    found = compare(target, runs)
     table = Table("Jitter of the payload: rotation by vibration, axes of P", HEADER, make_rows(found))
     rise = system.get_number("disturbance.rise_time")
     text = [
@@ -55,7 +54,6 @@ def find(run: Run) -> Findings:
         rms_active_rad=found.rms_active.tolist(),
         rejection_percent=found.rejection.tolist(),
         more=found.entry,
-        draw=partial(draw_comparison, found),
-        explore=partial(explore_comparison, found, system),
+        explore=partial(explore_comparisons, {"": found}, system),
         refused=refused,
     )

@@ -4,24 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..results.observers.arrival import LastRow
-from ..results.observers.batch import Batch
-from ..results.observers.drift import DriftObserver
-from ..results.observers.envelope import Envelope, EnvelopeObserver
-from ..results.observers.history import HistoryObserver
-from ..results.observers.observer import ColumnObserver, NamedColumn
+from ..results.observers.bins import Envelope, EnvelopeObserver
+from ..results.observers.observer import Batch, ColumnObserver, NamedColumn
+from ..results.observers.sampler import HistoryObserver, LastRow
 from ..results.observers.scatter import Scatter, ScatterObserver
-from ..results.observers.statistics import SignalStatistics, Statistics
+from ..results.observers.statistics import DriftObserver, SignalStatistics, Statistics
 from ..results.observers.welch import Welch
 from ..runs.index_record import IMAGE_POINT, ROTATION
 
 Array = NDArray[np.float64]
-A = TypeVar("A", bound=ColumnObserver)
 
 ORIENTATION = tuple(f"plant.orientation.{angle}" for angle in ("roll", "pitch", "yaw"))
 REACHABLE = "commander.reachable"
@@ -78,27 +73,22 @@ class JitterRecord:
     @property
     def statistics(self) -> SignalStatistics:
         """Mean, RMS, standard deviation and peak of the payload's rotation [rad]."""
-        return self._read(self._statistics).result()
+        return self._statistics.result()
 
     @property
     def drift(self) -> Array:
         """Second half less first half of the payload's rotation, (3,), rad; NaN for a run of a few steps."""
-        return self._read(self._drift).result()
+        return self._drift.result()
 
     @property
     def scatter(self) -> Scatter:
         """Scatter of the image point [m]."""
-        return self._read(self._scatter).result()
+        return self._scatter.result()
 
     @property
     def envelope(self) -> Envelope:
-        """The payload's rotation over time [rad], for figures."""
-        return self._read(self._envelope).result().coarsen(PICTURE_BINS)
-
-    @property
-    def fine_envelope(self) -> Envelope:
-        """The same in as many bins as were kept."""
-        return self._read(self._envelope).result()
+        """The payload's rotation over time [rad], for figures and charts."""
+        return self._envelope.result()
 
     @property
     def rotation(self) -> Array:
@@ -110,7 +100,7 @@ class JitterRecord:
     @property
     def spectrum(self) -> tuple[Array, Array] | None:
         """Frequency [Hz] and one-sided PSD (3, frequencies) of the payload's rotation [rad^2/Hz]."""
-        return (self._welch.frequency, self._read(self._welch).psd()) if self._welch is not None else None
+        return (self._welch.frequency, self._welch.psd()) if self._welch is not None else None
 
     @property
     def orientation(self) -> Array:
@@ -125,9 +115,4 @@ class JitterRecord:
     @property
     def saturated(self) -> float:
         """Fraction of the rows after the lead-in in which the isolator was at its force limit."""
-        return float(self._read(self._saturated).result().mean[0])
-
-    def _read(self, observer: A) -> A:
-        """One of the batch, that has seen all rows."""
-        self._batch.flush()
-        return observer
+        return float(self._saturated.result().mean[0])

@@ -21,10 +21,10 @@ from ..runs.run import Run
 from ..runs.setup import RunSystem
 from ..theory.line_of_sight import PointingLoop
 from .comparison import TARGET, Orientation, describe_alone, explain_refusal, read_target, to_degrees
-from .pointing_exploration import explore_pointing
+from .exploration import shade_faults
 from .pointing_loop import MeasuredLoop, build_loop, make_shaking, measure_loop, read_tracker
 from .pointing_record import NAMES, Plan, PointingRecord, RecordMaker
-from .pointing_report import CASES, Pointing, describe, draw_all, list_results, make_tables
+from .pointing_report import CASES, Pointing, describe, explore_pointing, list_results, make_tables
 
 DEFAULT_TARGET = (float(np.radians(8.5)), 0.0, 0.0)
 START_S = 1.0  # the target changes
@@ -75,7 +75,6 @@ def find(run: Run) -> Findings:
     measured = _measure(system, options, loop, make_plan(system, options, there), there)
     pointing = Pointing(off, on, tracker, loop, measured, to_degrees(target))
     text, tables = [HOW, *describe(pointing)], make_tables(pointing)
-    shaded = outcomes[-1].find_spans()
     return Findings(
         title="Pointing: a slew with the line-of-sight loop",
         printed=format_tables(tables, text[1:]),
@@ -84,8 +83,7 @@ def find(run: Run) -> Findings:
         outcomes=outcomes,
         orientation_deg=to_degrees(target),
         more={"pointing": list_results(pointing)},
-        draw=partial(draw_all, pointing, shaded=shaded),
-        explore=partial(explore_pointing, pointing, system),
+        explore=partial(explore_pointing, pointing, shade_faults(outcomes[-1]), system),
         refused="" if on.reachable else explain_refusal(to_degrees(target)),
     )
 

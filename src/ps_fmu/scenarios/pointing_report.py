@@ -1,30 +1,39 @@
-"""The results of the scenario ``pointing`` as sentences, tables, figures and entries of summary.json."""
+"""The results of the scenario ``pointing`` as sentences, tables, charts and entries of summary.json."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..mechanism.quantities import Array
-from ..results.report import Picture, draw_pictures
-from ..results.style import ACTIVE, AXES, PASSIVE, REFERENCE, draw, shade
+from ..results.observers.bins import Envelope
+from ..results.page.content import Axis, Chart, ChartGroup, Curve, Exploration, Spans, Still
 from ..results.tables import Table
+from ..runs.setup import RunSystem
 from ..sensors.line_of_sight import Tracker
-from ..theory.line_of_sight import LEAST_GAIN_DB, LEAST_PHASE_DEG, AxisMargins, PointingLoop, find_margins, split
+from ..theory.line_of_sight import (
+    AXES,
+    LEAST_GAIN_DB,
+    LEAST_PHASE_DEG,
+    AxisMargins,
+    PointingLoop,
+    find_margins,
+    split,
+)  # fmt: skip
+from .exploration import chart_envelopes, chart_settled, show_mechanism
+from .jitter_record import EXPLORED_BINS
 from .pointing_loop import MeasuredLoop
-from .pointing_record import PointingRecord
+from .pointing_record import LOCKED, PointingRecord, Span
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-LETTERS = ("x", "y", "z")
 CASES = ("loop_off", "loop_on")
+SHOWN = (("loop off", "passive"), ("loop on", "active"))
+"""What charts call the cases, and their colours."""
+NAMES = ("distance from the target", "error x", "error y", "error z")
+BINS = EXPLORED_BINS // 2  # four signals a case instead of three
+SMALLEST_SHARE = 1e-5  # of the bus's rotation that a chart shows
+LIMITS = "limits"  # what charts call 0 dB, -180 deg and the least margins
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,20 +121,23 @@ def make_tables(pointing: Pointing) -> list[Table]:
             ))  # fmt: skip
     header = ("phase", "loop", "time (s)", "RMS x", "RMS y", "RMS z", "mean x", "mean y", "largest distance")
     errors = Table("True rotation from the line of sight to the target, axes of P (rad)", header, rows)
-    expected = {margins.axis: margins for margins in pointing.expected}
     lines = []
-    for axis in LETTERS:
-        closed, found = expected[axis], pointing.measured.get(axis)
-        lines.append((
-            axis, f"{closed.gain_db:.2f}", _format(found, "gain_db", ".2f"), f"{closed.phase_deg:.2f}",
-            _format(found, "phase_deg", ".2f"), f"{closed.crossover_hz:.3f}", _format(found, "crossover_hz", ".3f"),
-            "-" if found is None else "{:.2f}, {:.2f}".format(*found.deviation),
-        ))  # fmt: skip
-    titles = (
-        "axis", "gain (dB)", "measured", "phase (deg)", "measured", "crossover (Hz)", "measured", "deviation (dB, deg)",
-    )  # fmt: skip
-    margins = Table("Margins of the loop, cut open at one axis, the others closed", titles, lines)
-    return [errors, margins]
+    for closed in pointing.expected:
+        found = pointing.measured.get(closed.axis)
+        pairs = [
+            (f"{getattr(closed, key):{form}}", "-" if found is None else f"{getattr(found.margins, key):{form}}")
+            for key, _, form in MARGINS
+        ]
+        deviation = "-" if found is None else "{:.2f}, {:.2f}".format(*found.deviation)
+        lines.append((closed.axis, *(text for pair in pairs for text in pair), deviation))
+    titles = ("axis", *(text for _, title, _ in MARGINS for text in (title, "measured")), "deviation (dB, deg)")
+    return [errors, Table("Margins of the loop, cut open at one axis, the others closed", titles, lines)]
+
+
+MARGINS = (
+    ("gain_db", "gain (dB)", ".2f"), ("phase_deg", "phase (deg)", ".2f"), ("crossover_hz", "crossover (Hz)", ".3f"),
+)  # fmt: skip
+"""Of an axis: its name here and in summary.json, heading and format in the table."""
 
 
 def list_results(pointing: Pointing) -> dict[str, object]:
@@ -152,11 +164,9 @@ def list_results(pointing: Pointing) -> dict[str, object]:
         },
         "margins": [
             {
-                "axis": closed.axis, "gain_db": closed.gain_db, "phase_deg": closed.phase_deg,
-                "crossover_hz": closed.crossover_hz, "modulus": closed.modulus,
+                "axis": closed.axis, **_list_margins(closed), "modulus": closed.modulus,
                 "measured": None if found is None else {
-                    "gain_db": found.margins.gain_db, "phase_deg": found.margins.phase_deg,
-                    "crossover_hz": found.margins.crossover_hz, "largest_deviation_db_deg": found.deviation,
+                    **_list_margins(found.margins), "largest_deviation_db_deg": found.deviation,
                 },
             }
             for closed in pointing.expected
@@ -165,137 +175,123 @@ def list_results(pointing: Pointing) -> dict[str, object]:
     }  # fmt: skip
 
 
-def draw_all(pointing: Pointing, folder: Path, shaded: Sequence[tuple[float, float]] = ()) -> list[Picture]:
-    """Error over time, loop transfer, split.  ``shaded``: when a fault acts [s]."""
-    return draw_pictures(
-        folder,
-        "pointing",
-        (
-            (
-                "error",
-                "Distance of the line of sight from the target. Dashed: noise of one sample of the tracker. Shaded: no "
-                "lock; darker: the target is hidden." + (" Coloured: a fault acts." if shaded else ""),
-                partial(_draw_error, pointing, shaded),
-            ),
-            (
-                "loop",
-                "The loop cut open at one axis, the others closed: closed form (lines), measured on the FMUs (dots).",
-                partial(_draw_loop, pointing),
-            ),
-            (
-                "split",
-                "Shares of the bus's rotation: cancelled by the isolator, cancelled by the loop, left to the payload. "
-                "They add up to one, as complex numbers.",
-                partial(_draw_split, pointing),
-            ),
-        ),
+def _list_margins(margins: AxisMargins) -> dict[str, float]:
+    return {key: getattr(margins, key) for key, _, _ in MARGINS}
+
+
+def explore_pointing(pointing: Pointing, shaded: Sequence[Spans], system: RunSystem, results: Path) -> Exploration:
+    """Error over time, loop transfer and split; the mechanism as stored in the file ``results``.
+
+    Raises ``OSError`` if that cannot be read.
+    """
+    runs = [(case, name) for (case, _), name in zip(SHOWN, CASES, strict=True)]
+    charts = [_chart_error(pointing, shaded), *_chart_settled(pointing), _chart_loop(pointing), _chart_split(pointing)]
+    return Exploration(charts, mechanism=show_mechanism(system, results, runs))
+
+
+def _chart_error(pointing: Pointing, shaded: Sequence[Spans]) -> ChartGroup:
+    """The distance from the target and the error about each axis of P, with the loop off and on."""
+    envelopes = [_envelope(record) for record in (pointing.off, pointing.on)]
+    charts = chart_envelopes([(*shown, one) for shown, one in zip(SHOWN, envelopes, strict=True)], names=NAMES)
+    time, noise = envelopes[0].time, float(pointing.tracker.noise_equivalent_angle_P[:2].max())
+    curves = [*charts[0].curves, Curve("noise of a sample", "reference", np.full(len(time), noise), drawn="dashed")]
+    charts[0] = Chart(NAMES[0], "rad", curves, logarithmic=True)
+    hidden = pointing.on.plan.hidden
+    return ChartGroup(
+        "Rotation from the line of sight to the target, axes of P",
+        "After the target has changed; dashed: the noise of one sample of the tracker.",
+        Axis("time", "s", time),
+        charts,
+        shaded=[
+            Spans("no lock", _find_unlocked(pointing.on)),
+            *([Spans("target hidden", [hidden], opacity=0.2)] if hidden else []),
+            *shaded,
+        ],
+        stills=[Still("pointing_error.png", "Line of sight in a slew, with wheels and noise", charts=1)],
     )
 
 
-def _draw_error(pointing: Pointing, shaded: Sequence[tuple[float, float]], path: Path) -> None:
-    on, off = pointing.on, pointing.off
-
-    def paint(figure: Figure) -> None:
-        axes = figure.subplots()
-        for record, colour, text in ((off, PASSIVE, "loop off"), (on, ACTIVE, "loop on")):
-            time, low, high = _bin(record.time, record.distance)
-            axes.fill_between(time, low, high, color=colour, alpha=0.35, lw=0.0)
-            axes.plot(time, np.sqrt(low * high), color=colour, lw=1.2, label=text)
-        noise = float(pointing.tracker.noise_equivalent_angle_P[:2].max())
-        axes.axhline(noise, color=REFERENCE, ls="--", lw=1.4, label="noise of a sample")
-        _shade(axes, on)
-        shade(axes, shaded)
-        axes.set_yscale("log")
-        axes.set_ylim(1e-8, 1.0)
-        axes.set_xlim(0.0, on.time[-1])
-        axes.set_xlabel("time (s)")
-        axes.set_ylabel("distance from the target (rad)")
-        axes.legend(loc="upper right")
-        figure.suptitle("Line of sight in a slew, with wheels and noise")
-
-    draw(path, 11.0, 5.5, paint)
-
-
-def _shade(axes: Axes, record: PointingRecord) -> None:
-    from .pointing_record import LOCKED
-
+def _find_unlocked(record: PointingRecord) -> list[Span]:
+    """When the tracker has no lock."""
     unlocked = record.of(LOCKED)[:, 0] < 0.5
-    edges = np.flatnonzero(np.diff(unlocked.astype(int), prepend=0, append=0))
-    for first, last in edges.reshape(-1, 2):
-        end = record.time[min(last, len(record.time) - 1)]
-        axes.axvspan(record.time[first], end, color="#000000", alpha=0.06, lw=0)
-    if record.plan.hidden:
-        axes.axvspan(*record.plan.hidden, color="#000000", alpha=0.12, lw=0)
+    edges = np.flatnonzero(np.diff(unlocked.astype(int), prepend=0, append=0)).reshape(-1, 2)
+    last = len(record.time) - 1
+    return [(float(record.time[begin]), float(record.time[min(end, last)])) for begin, end in edges]
 
 
-def _draw_loop(pointing: Pointing, path: Path) -> None:
-    def paint(figure: Figure) -> None:
-        gain, phase = figure.subplots(2, 1, sharex=True)
-        frequency = pointing.loop.frequencies(0.05, 40.0)
-        for k, axis in enumerate(LETTERS):
-            value = pointing.loop.axis_transfer(2j * np.pi * frequency, k)
-            gain.semilogx(frequency, 20.0 * np.log10(np.abs(value)), color=AXES[k], label=axis)
-            phase.semilogx(frequency, np.degrees(np.unwrap(np.angle(value))), color=AXES[k])
-            found = pointing.measured.get(axis)
-            if found is not None:
-                f, values = found.response.frequency, found.values
-                shown = slice(None, None, 4)
-                gain.plot(f[shown], 20.0 * np.log10(np.abs(values[shown])), ".", color=AXES[k], ms=4.0)
-                turns = np.degrees(np.unwrap(np.angle(values)))
-                own = np.interp(f[0], frequency, np.degrees(np.unwrap(np.angle(value))))
-                turns += 360.0 * round((own - turns[0]) / 360.0)
-                phase.plot(f[shown], turns[shown], ".", color=AXES[k], ms=4.0)
-        gain.axhline(0.0, color=REFERENCE, lw=1.0)
-        gain.axhline(-LEAST_GAIN_DB, color=REFERENCE, lw=1.0, ls=":")
-        phase.axhline(-180.0, color=REFERENCE, lw=1.0)
-        phase.axhline(-180.0 + LEAST_PHASE_DEG, color=REFERENCE, lw=1.0, ls=":")
-        gain.set_ylim(-70.0, 60.0)
-        phase.set_ylim(-720.0, 0.0)
-        phase.set_yticks(np.arange(-720.0, 1.0, 180.0))
-        gain.set_ylabel("gain (dB)")
-        phase.set_ylabel("phase (deg)")
-        phase.set_xlabel("frequency (Hz)")
-        gain.legend(title="axis of P", loc="upper right")
-        figure.suptitle("Line-of-sight loop, cut open")
-
-    draw(path, 9.0, 8.0, paint)
+def _chart_settled(pointing: Pointing) -> list[ChartGroup]:
+    """The error while the loop is locked and has settled, in both runs; none if it does not get there."""
+    span = pointing.on.phases().get("locked")
+    if span is None:
+        return []
+    rows = [
+        (case, colour, record.error[record.span(*span)])
+        for (case, colour), record in zip(SHOWN, (pointing.off, pointing.on), strict=True)
+    ]
+    step_s = float(pointing.on.time[1] - pointing.on.time[0])
+    return chart_settled("error while the loop is locked, axes of P", NAMES[1:], span, rows, step_s)
 
 
-def _draw_split(pointing: Pointing, path: Path) -> None:
-    def paint(figure: Figure) -> None:
-        axes = figure.subplots()
-        frequency = np.geomspace(1e-3, 20.0, 800)
-        shares = split(pointing.loop, 2j * np.pi * frequency)
-        for value, colour, text in (
-            (shares.isolator, ACTIVE, "isolator"),
-            (shares.loop, AXES[2], "loop"),
-            (shares.left, PASSIVE, "left to the payload"),
-        ):
-            axes.loglog(frequency, np.abs(value), color=colour, label=text)
-        corner = pointing.loop.loop.controller.filters.highpass_frequency
-        axes.axvline(corner, color=REFERENCE, ls="--", lw=1.2, label=f"split, {corner:g} Hz")
-        axes.set_ylim(1e-5, 3.0)
-        axes.set_xlabel("frequency (Hz)")
-        axes.set_ylabel("share of the bus's rotation")
-        axes.legend(loc="lower center")
-        figure.suptitle("Complementary split of isolator and loop")
+def _envelope(record: PointingRecord) -> Envelope:
+    values = np.vstack((record.distance, record.error.T))
+    return Envelope(NAMES, ("rad",) * len(NAMES), record.time, values, values).coarsen(BINS)
 
-    draw(path, 9.0, 5.5, paint)
+
+def _chart_loop(pointing: Pointing) -> ChartGroup:
+    """Gain and phase of the loop about each axis: in closed form, and as measured, one line in four."""
+    lines = [found.response.frequency[::4] for found in pointing.measured.values()]
+    frequency = np.unique(np.concatenate((pointing.loop.frequencies(0.05, 40.0), *lines)))
+    gains, phases = [], []
+    for k, axis in enumerate(AXES):
+        closed = pointing.loop.axis_transfer(2j * np.pi * frequency, k)
+        phase = np.degrees(np.unwrap(np.angle(closed)))
+        gains.append(Curve(axis, axis, 20.0 * np.log10(np.abs(closed))))
+        phases.append(Curve(axis, axis, phase))
+        if (found := pointing.measured.get(axis)) is None:
+            continue
+        places = np.searchsorted(frequency, found.response.frequency[::4])
+        turns = np.degrees(np.unwrap(np.angle(found.values)))[::4]
+        turns += 360.0 * round((phase[places[0]] - turns[0]) / 360.0)
+        for curves, values in ((gains, 20.0 * np.log10(np.abs(found.values[::4]))), (phases, turns)):
+            dots = np.full(len(frequency), np.nan)
+            dots[places] = values
+            curves.append(Curve(f"{axis}, measured", axis, dots, drawn="dots"))
+    for curves, levels in ((gains, (0.0, -LEAST_GAIN_DB)), (phases, (-180.0, -180.0 + LEAST_PHASE_DEG))):
+        curves += [Curve(LIMITS, "reference", np.full(len(frequency), level), drawn="dotted") for level in levels]
+    return ChartGroup(
+        "Line-of-sight loop, cut open",
+        "The loop cut open at one axis of P, the others closed: closed form (lines), measured on the FMUs (dots). "
+        "Limits: 0 dB and -180 deg, and the least margins from there.",
+        Axis("frequency", "Hz", frequency, logarithmic=True),
+        [Chart("gain", "dB", gains), Chart("phase", "deg", phases)],
+        stills=[Still("pointing_loop.png")],
+    )
+
+
+def _chart_split(pointing: Pointing) -> ChartGroup:
+    """What isolator and loop cancel of the bus's rotation, and what is left."""
+    frequency = np.geomspace(1e-3, 20.0, 800)
+    shares = split(pointing.loop, 2j * np.pi * frequency)
+    parts = ("isolator", "active", shares.isolator), ("loop", "z", shares.loop), (
+        "left to the payload", "passive", shares.left
+    )  # fmt: skip
+    corner = pointing.loop.loop.controller.filters.highpass_frequency
+    curves = [
+        Curve(label, colour, np.where(np.abs(share) > SMALLEST_SHARE, np.abs(share), np.nan))
+        for label, colour, share in parts
+    ]
+    return ChartGroup(
+        "Complementary split of isolator and loop",
+        "Shares of the bus's rotation: cancelled by the isolator, cancelled by the loop, left to the payload. They add "
+        "up to one, as complex numbers.",
+        Axis("frequency", "Hz", frequency, logarithmic=True),
+        [Chart("share of the bus's rotation", "1", curves, logarithmic=True)],
+        marked=[(f"split, {corner:g} Hz", corner)],
+        stills=[Still("pointing_split.png")],
+    )
 
 
 def _after(record: PointingRecord) -> tuple[float, float]:
     start = record.plan.end_s if record.arrival_s is None else record.arrival_s
     end = record.plan.hidden[0] if record.plan.hidden else record.plan.end_s
     return (min(start, end - 1.0), end)
-
-
-def _bin(time: Array, values: Array, bins: int = 1200) -> tuple[Array, Array, Array]:
-    """Time, smallest and largest value of each of so many bins."""
-    width = max(1, len(time) // bins)
-    n = len(time) // width * width
-    parts = np.maximum(values[:n].reshape(-1, width), 1e-10)
-    return time[:n:width], parts.min(axis=1), parts.max(axis=1)
-
-
-def _format(found: MeasuredLoop | None, name: str, form: str) -> str:
-    return "-" if found is None else format(getattr(found.margins, name), form)

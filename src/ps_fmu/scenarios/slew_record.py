@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..mechanism.rotations import orientation_rate_map, rotation_matrix
 from ..results.observers.arrival import Arrival, ArrivalObserver
-from ..results.observers.envelope import Envelope, EnvelopeObserver
+from ..results.observers.bins import Envelope, EnvelopeObserver
 from ..results.observers.observer import ColumnObserver, NamedColumn
 from .jitter_record import ORIENTATION, REACHABLE, ROTATION
 

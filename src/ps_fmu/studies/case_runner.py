@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import logging
 import time
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from ..cosim import Column, Master, Observer, Recorder, RecorderError, SlaveError, System, Value
+from ..cosim import Master, Observer, Recorder, RecorderError, SlaveError, System, Value
 from ..cosim.checkpoint.checkpoints import Checkpoints
 from ..cosim.checkpoint.state import CheckpointError
 from ..cosim.checkpoint.warm_start import WarmStart
@@ -16,90 +15,25 @@ from ..cosim.columns import list_run_columns
 from ..cosim.description import read_descriptions
 from ..cosim.faults.binding import bind_faults
 from ..cosim.faults.numbers import change_numbers
-from ..cosim.faults.reading import FaultFile, read_faults
-from ..cosim.isolation.instance import Isolation
-from ..cosim.schemes.scheme import Scheme
-from ..cosim.signals import Signal, read_signals
+from ..cosim.faults.reading import read_faults
+from ..cosim.signals import read_signals
 from ..cosim.system_json import decode_system
 from ..pointing.interpretation import Interpretation
 from ..requirements.decision import pack_distribution
 from ..requirements.requirement import read_requirements
-from ..requirements.verdict import Verdict
 from ..runs.cases import Bounds
 from ..runs.judge import RunJudge
 from ..runs.keeping import SinceStart
 from ..runs.loaded import LoadedSystem
 from ..runs.stored_names import make_stored_names, rename_columns
+from ..runs.warning_log import WarningLog
 from ..terminal import reason
 from .bundle import FAULTS, INPUTS, REQUIREMENTS, SYSTEM, TASK, Task, result_versions
 from .factors import split_values
-from .indices import IndexRecord, SwitchRecord, find_signals
+from .observed import CaseRecord, find_signals
 from .rows import ANSWER, DONE, FAILED, HISTOGRAM, LONGEST_TEXT, VERDICT, Row, VersionError
 
 FATAL_STATUS = 4  # fmi2Fatal
-
-
-class WarmSystem:
-    """Keeps what does not change from run to run: the system, model descriptions, and the FMUs in memory.
-
-    Parameters
-    ----------
-    step_s: communication step, s.
-    scheme: order of exchange, as :class:`..cosim.Master` has it.
-    faults: what happens in each run.
-    isolation: which FMUs get processes of their own, which stay, too.
-    start_time: of the runs, s; None: as the system says.
-    inputs: over time, by the name of an input of the system or by ``component.variable``.
-    """
-
-    def __init__(
-        self,
-        system: System,
-        step_s: float,
-        scheme: str | Scheme,
-        faults: FaultFile | None = None,
-        isolation: Isolation | None = None,
-        start_time: float | None = None,
-        inputs: Mapping[str, Signal] | None = None,
-    ) -> None:
-        self.system = system
-        self.descriptions = read_descriptions(system, lenient=True)
-        self._step_s, self._scheme, self._faults, self._isolation = step_s, scheme, faults, isolation
-        self._start_time, self._inputs = start_time, inputs
-        self._numbers: dict[str, Value] = {}
-        """Of faults, as the last run had them."""
-        self._loaded = LoadedSystem(system)
-
-    @contextmanager
-    def prepare(self, values: Mapping[str, Value], only: Collection[str] | None = None) -> Iterator[Master]:
-        """The system at its start with other values, ready to run in the body.
-
-        ``values``: start values by ``component.variable``, numbers of faults as ``faults.EVENT.key``.
-
-        ``only``: names of the outputs that are needed; None: all.
-
-        After an error the FMUs are loaded anew.  Raises :class:`..cosim.CosimError`.
-        """
-        starts, numbers = split_values(values, self.descriptions)
-        with self._loaded.hold(starts, self._make) as master:
-            if self._faults is not None and numbers != self._numbers:
-                changed = change_numbers(self._faults, numbers)
-                master.faults.change(bind_faults(changed, master.system, self.descriptions, master.clock))
-                self._numbers = numbers
-            master.record(only)
-            master.initialise()
-            yield master
-
-    def close(self) -> None:
-        """Free the FMUs; safe to call twice."""
-        self._loaded.close()
-
-    def _make(self, system: System) -> Master:
-        self._numbers = {}
-        return Master(
-            system, self._step_s, self._scheme, descriptions=self.descriptions, faults=self._faults,
-            isolation=self._isolation, start_time=self._start_time, inputs=self._inputs,
-        )  # fmt: skip
 
 
 class CaseRunner:
@@ -110,25 +44,57 @@ class CaseRunner:
     """
 
     def __init__(self, folder: Path) -> None:
-        self.task = Task.from_json((folder / TASK).read_bytes())
-        check_versions(self.task.versions)
-        path = folder / FAULTS
-        faults = read_faults(path) if path.is_file() else None
-        task = self.task
+        self.task = task = Task.from_json((folder / TASK).read_bytes())
+        check_versions(task.versions)
         files = {name: WarmStart(folder / name, task.anew) for name in dict.fromkeys(task.sources.values())}
         self._sources = {run: files[name] for run, name in task.sources.items()}
         """Read once: no case changes them."""
         self._began = next((source.time for source in files.values()), None)
+        self._faults = read_faults(folder / FAULTS) if (folder / FAULTS).is_file() else None
+        self._inputs = read_signals(folder / INPUTS) if (folder / INPUTS).is_file() else {}
         system = decode_system(folder / SYSTEM)
-        path = folder / INPUTS
-        inputs = read_signals(path) if path.is_file() else {}
-        self.warm = WarmSystem(system, task.step_s, task.scheme, faults, task.isolation, self._began, inputs)
-        self.columns = list_run_columns(system, self.warm.descriptions, inputs, task.scheme, task.step_s)
-        path = folder / REQUIREMENTS
-        self.requirements = read_requirements(path) if path.is_file() else ()
-        self._needed = list_needed(self.task, self.columns)
+        self._descriptions = read_descriptions(system, lenient=True)
+        self._loaded = LoadedSystem(system)
+        self._numbers: dict[str, Value] = {}
+        """Of faults, as the last run had them."""
+        self.columns = list_run_columns(system, self._descriptions, self._inputs, task.scheme, task.step_s)
+        self.requirements = read_requirements(folder / REQUIREMENTS) if (folder / REQUIREMENTS).is_file() else ()
+        self._needed = {column.name for column in self.columns if column.type == "Boolean"}
+        for observed in task.observed:
+            self._needed.update(find_signals(observed, self.columns))
         self.must_end = False
         """An FMU in this process has returned fmi2Fatal: nothing more should run there (FMI 2.0.4, section 2.1.3)."""
+
+    @contextmanager
+    def prepare(self, values: Mapping[str, Value], only: Collection[str] | None = None) -> Iterator[Master]:
+        """The system at its start with other values, ready to run in the body; its FMUs stay loaded.
+
+        ``values``: start values by ``component.variable``, numbers of faults as ``faults.EVENT.key``.
+
+        ``only``: names of the outputs that are needed; None: all.
+
+        After an error the FMUs are loaded anew.  Raises :class:`..cosim.CosimError`.
+        """
+        starts, numbers = split_values(values, self._descriptions)
+        with self._loaded.hold(starts, self._make) as master:
+            if self._faults is not None and numbers != self._numbers:
+                changed = change_numbers(self._faults, numbers)
+                master.faults.change(bind_faults(changed, master.system, self._descriptions, master.clock))
+                self._numbers = numbers
+            master.record(only)
+            master.initialise()
+            yield master
+
+    def _make(self, system: System) -> Master:
+        self._numbers = {}
+        return Master(
+            system, self.task.step_s, self.task.scheme, descriptions=self._descriptions, faults=self._faults,
+            isolation=self.task.isolation, start_time=self._began, inputs=self._inputs,
+        )  # fmt: skip
+
+    def close(self) -> None:
+        """Free the FMUs; safe to call twice."""
+        self._loaded.close()
 
     def run(self, index: int, values: Mapping[str, Value], signals: Path | None = None) -> Row:
         """The row of a case; one that fails has its error in it.
@@ -138,47 +104,38 @@ class CaseRunner:
         """
         row: Row = {"case": index, "status": DONE, "error": None}
         began = time.perf_counter()
-        with _collect_warnings() as warnings:
+        warnings = WarningLog(shown=False)
+        with warnings.collect():
             try:
                 with store(signals) as file:
                     row |= self._run_all(values, file)
-            except (RecorderError, OSError) as error:
-                if not isinstance(error, CheckpointError):
+            except Exception as error:  # whatever is wrong with this case: the study goes on
+                if isinstance(error, RecorderError | OSError) and not isinstance(error, CheckpointError):
                     raise
                 row |= {"status": FAILED, "error": f"{type(error).__name__}: {reason(error)}"[:LONGEST_TEXT]}
-            except Exception as error:  # whatever is wrong with this case: the study goes on
-                row |= {"status": FAILED, "error": f"{type(error).__name__}: {reason(error)}"[:LONGEST_TEXT]}
                 self.must_end = self._is_fatal(error)
-        row["warnings"] = "\n".join(warnings)[:LONGEST_TEXT] or None
+        row["warnings"] = "\n".join(warnings.texts)[:LONGEST_TEXT] or None
         row["wall_s"] = time.perf_counter() - began
         return row
 
     def _run_all(self, values: Mapping[str, Value], file: Path | None) -> Row:
-        judge = RunJudge(self.requirements)
-        row: Row = {}
-        for name, own in self.task.runs.items():
-            needed = {*self._needed, *judge.list_signals(name, self.columns)}
-            given = {**values, **own}
-            with self.warm.prepare(given, needed | set(() if file is None else self.task.stored)) as master:
-                records = make_records(self.task, master.columns)
-                judging = judge.observe(
-                    name, master.columns, self.task.step_s, round(self.task.duration_s / self.task.step_s)
-                )
-                watching = [self._shift(observer) for observer in (*records, *judging)]
+        task, judge, row = self.task, RunJudge(self.requirements), Row()
+        steps = round(task.duration_s / task.step_s)
+        for name, own in task.runs.items():
+            needed = {*self._needed, *judge.list_signals(name, self.columns), *(() if file is None else task.stored)}
+            given, source = {**values, **own}, self._sources.get(name)
+            with self.prepare(given, needed) as master:
+                record = CaseRecord(task.observed, master.columns, task.step_s)
+                watching: list[Observer] = [
+                    *record.observers, *judge.observe(name, master.columns, task.step_s, steps)
+                ]  # fmt: skip
+                if self._began is not None:  # they are told times since the start of the run
+                    watching = [SinceStart(observer, task.step_s) for observer in watching]
+                begin = None if source is None else Checkpoints(None, source=source.giving(given.keys()))
                 with self._make_recorder(name, master, file) as recorders:
-                    observers = [Bounds(master.columns), *watching, *recorders]
-                    master.run(self.task.duration_s, observers, checkpoints=self._begin(name, given))
-            row |= {f"{name}.{key}": value for record in records for key, value in record.metrics().items()}
+                    master.run(task.duration_s, [Bounds(master.columns), *watching, *recorders], checkpoints=begin)
+            row |= {f"{name}.{key}": value for key, value in record.metrics().items()}
         return row | describe_verdicts(judge)
-
-    def _begin(self, run: str, given: Mapping[str, Value]) -> Checkpoints | None:
-        """What has a run begin in the state of its checkpoint; None where it has none."""
-        source = self._sources.get(run)
-        return None if source is None else Checkpoints(None, source=source.giving(given.keys()))
-
-    def _shift(self, observer: Observer) -> Observer:
-        """An observer that is told times since the start of the run."""
-        return observer if self._began is None else SinceStart(observer, self.task.step_s)
 
     def _is_fatal(self, error: Exception) -> bool:
         if not isinstance(error, SlaveError) or error.status != FATAL_STATUS:
@@ -214,28 +171,13 @@ def store(path: Path | None) -> Iterator[Path | None]:
     written = path.with_name(f".{path.stem}.part")
     written.unlink(missing_ok=True)
     try:
-        try:
-            yield written
-        except (RecorderError, OSError):
-            raise
-        except Exception:
-            if written.exists():
-                written.replace(path)
-            raise
-        written.replace(path)
-    finally:
+        yield written
+    except (RecorderError, OSError):
         written.unlink(missing_ok=True)
-
-
-def make_records(task: Task, columns: tuple[Column, ...]) -> list[IndexRecord | SwitchRecord]:
-    """The observers of a run whose metrics go into a row."""
-    return [*(IndexRecord(observed, columns, task.step_s) for observed in task.observed), SwitchRecord(columns)]
-
-
-def list_needed(task: Task, columns: Sequence[Column]) -> set[str]:
-    """Names of the columns that these records look at."""
-    switches = {column.name for column in columns if column.type == "Boolean"}
-    return switches.union(*(find_signals(observed, columns) for observed in task.observed))
+        raise
+    finally:
+        if written.exists():
+            written.replace(path)
 
 
 def describe_verdicts(judge: RunJudge) -> Row:
@@ -246,21 +188,14 @@ def describe_verdicts(judge: RunJudge) -> Row:
     """
     row: Row = {}
     for verdict in judge.conclude():
-        row |= _describe_verdict(verdict)
+        place, stated = f"{VERDICT}{verdict.requirement.name}/{verdict.case}/{verdict.signal}", verdict.statement
+        row[f"{place}{ANSWER}"] = verdict.answer.value
+        row[f"{place}/value"] = None if stated is None else verdict.convert(stated.value)
+        row[f"{place}/bound"] = None if stated is None else verdict.convert(stated.bound)
     for requirement, run, label, found in judge.list_distributions():
         if requirement.interpretation is Interpretation.MIXED:
             row[f"{VERDICT}{requirement.name}/{run}/{label}{HISTOGRAM}"] = pack_distribution(found)
     return row
-
-
-def _describe_verdict(verdict: Verdict) -> Row:
-    place = f"{VERDICT}{verdict.requirement.name}/{verdict.case}/{verdict.signal}"
-    stated = verdict.statement
-    return {
-        f"{place}{ANSWER}": verdict.answer.value,
-        f"{place}/value": None if stated is None else verdict.convert(stated.value),
-        f"{place}/bound": None if stated is None else verdict.convert(stated.bound),
-    }
 
 
 def check_versions(expected: Mapping[str, str]) -> None:
@@ -269,18 +204,3 @@ def check_versions(expected: Mapping[str, str]) -> None:
     others = [f"{name} {own[name]} instead of {version}" for name, version in expected.items() if own[name] != version]
     if others:
         raise VersionError(f"this worker has {', '.join(others)}: rows would not be those of one study")
-
-
-@contextmanager
-def _collect_warnings() -> Iterator[list[str]]:
-    """What the co-simulation logs as a warning during the body, each text once."""
-    found: list[str] = []
-    handler = logging.Handler(logging.WARNING)
-    handler.emit = lambda record: found.append(record.getMessage())  # type: ignore[method-assign]
-    logger = logging.getLogger("ps_fmu.cosim")
-    logger.addHandler(handler)
-    try:
-        yield found
-    finally:
-        logger.removeHandler(handler)
-        found[:] = dict.fromkeys(found)

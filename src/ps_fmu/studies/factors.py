@@ -15,11 +15,12 @@ from ..cosim.conversion import has_exact_start
 from ..cosim.description import convert_value, explain_unsettable, get_unit, index_variables, read_start
 from ..cosim.faults.numbers import find_number
 from ..cosim.graph import Wiring
-from ..cosim.signals import bind_signals, list_ways
+from ..cosim.signals import bind_signals, convert_input
 from ..cosim.structure import split_port, suggest_names
 from ..cosim.values import list_items
+from ..requirements.quantity import Quantity, parse_quantity
 from ..runs.setup import RunSystem
-from .study import NORMAL, STEPS, UNIFORM, VALUES, Branch, Number, Vary, parse_number
+from .study import NORMAL, STEPS, UNIFORM, VALUES, Branch, Vary
 
 PREFIX = "faults."
 Array = NDArray[np.float64]
@@ -35,11 +36,11 @@ def names_faults(name: str, components: Collection[str]) -> bool:
 def find_numbers(vary: Vary, system: RunSystem) -> dict[str, ModelVariable]:
     """The numbers that a ``[[vary]]`` sets, by name: one for one number.  Raises :class:`.study.StudyError`."""
     if system.faults is None:
-        raise vary.error("parameter", f"{vary.parameters[0]} is a number of faults: [study] has no key faults")
+        raise vary.error("parameter", f"{vary.parameter[0]} is a number of faults: [study] has no key faults")
     if vary.only:
         raise vary.error("only", "is for parameters of components, and not for numbers of faults")
     found: dict[str, ModelVariable] = {}
-    for name in vary.parameters:
+    for name in vary.parameter:
         if not names_faults(name, system.descriptions):
             raise vary.error("parameter", f"{name} is no number of faults: use a [[vary]] for each")
         try:
@@ -134,7 +135,7 @@ def find_factor(vary: Vary, system: RunSystem, wiring: Wiring, branch: Branch | 
     Raises :class:`.study.StudyError`: an unknown parameter (with near names), one that cannot be set, is connected, or
     is in the state of a checkpoint, targets of different units, an impossible distribution.
     """
-    if any(names_faults(name, system.descriptions) for name in vary.parameters):
+    if any(names_faults(name, system.descriptions) for name in vary.parameter):
         numbers = find_numbers(vary, system)
         stated = [float(read_start(number)) if number.type == "Real" else 0.0 for number in numbers.values()]
         return _make_factor(vary, tuple(numbers), tuple(numbers.values()), stated)
@@ -204,8 +205,8 @@ def _list_inputs(vary: Vary, system: RunSystem) -> dict[str, tuple[str, ...]]:
     """
     found: dict[str, tuple[str, ...]] = {}
     for item in system.structure.inputs:
-        if item.name in vary.parameters:
-            for port, conversion in list_ways(system.structure, item, system.descriptions):
+        if item.name in vary.parameter:
+            for port, conversion in convert_input(system.structure, item, system.descriptions)[1]:
                 if not conversion.changes_nothing:
                     text = f"the value of the system's input {item.name!r} is converted for {port}: vary {port} instead"
                     raise vary.error("parameter", text)
@@ -230,7 +231,7 @@ def find_targets(
         for component, description in descriptions.items()
     }
     found: dict[str, None] = {}
-    for name in vary.parameters:
+    for name in vary.parameter:
         port = split_port(name, settable)
         variables = {} if port is None else index_variables(descriptions[port.component])
         if port is not None and port.variable in variables:
@@ -266,21 +267,21 @@ def _find_levels(vary: Vary, variables: Sequence[ModelVariable], unit: str) -> t
         _check_width(vary, low, high)
         if vary.count > 1 and low >= high:
             raise vary.error("low", f"{vary.numbers['low']} is not below high, {vary.numbers['high']}")
-        if vary.logarithmic and low <= 0.0:
+        if vary.spacing == "log" and low <= 0.0:
             raise vary.error("low", "steps of a constant ratio need a low end above 0")
-        steps = np.geomspace(low, high, vary.count) if vary.logarithmic else np.linspace(low, high, vary.count)
+        steps = np.geomspace(low, high, vary.count) if vary.spacing == "log" else np.linspace(low, high, vary.count)
         given: list[object] = steps.tolist()
         if variables[0].type == "Integer":
             given = [int(step) if step.is_integer() else step for step in steps.tolist()]
     else:
-        given = [_read_level(vary, level, variables[0].type, unit) for level in vary.levels]
+        given = [_read_level(vary, level, variables[0].type, unit) for level in vary.values]
     found = []
     for level in given:
         for variable in variables:
             try:
                 value = convert_level(variable, level)  # type: ignore[arg-type]
             except (UsageError, OverflowError) as error:
-                raise vary.error("values" if vary.levels else "low", f"{variable.name}: {error}") from None
+                raise vary.error("values" if vary.values else "low", f"{variable.name}: {error}") from None
         found.append(value)
     return tuple(found)
 
@@ -305,7 +306,7 @@ def _read_level(vary: Vary, level: object, kind: str, unit: str) -> object:
     if kind != "Real":
         return level
     try:
-        return parse_number(level).to(unit)
+        return parse_quantity(level).to(unit)
     except ValueError as error:
         raise vary.error("values", str(error)) from None
 
@@ -333,7 +334,7 @@ def _check_width(vary: Vary, low: float, high: float) -> None:
 
 
 def _find_spread(vary: Vary, start: float, unit: str) -> Spread:
-    number: Mapping[str, Number] = vary.numbers
+    number: Mapping[str, Quantity] = vary.numbers
     centre = _convert(vary, "mean", unit) if "mean" in number else start
     width = 0.0
     if "relative" in number or "sigma" in number:

@@ -1,4 +1,7 @@
-"""The rows of a study with its plan, and what they say: percentiles, probabilities, worst cases."""
+"""The rows of a study with its plan, and what they say: percentiles, probabilities, worst cases, sensitivities.
+
+Sensitivity is rank correlation always, Sobol' indices and Morris' effects by their plans.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +9,7 @@ import io
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -18,10 +22,11 @@ from ..pointing.interpretation import Interpretation
 from ..requirements.decision import Pool
 from ..requirements.requirement import Requirement, find_targets
 from ..requirements.verdict import Answer
-from .indices import find_signals, label_index
-from .plan import Plan
+from .bundle import PLAN
+from .observed import find_signals, label_index
+from .plan import MORRIS_LEVELS, Plan, describe_problem, study_shares
 from .rows import ANSWER, DONE, HISTOGRAM, VERDICT, RowStore, write_durably
-from .study_folder import PLAN
+from .study import MORRIS, SOBOL_INDICES
 
 Array = NDArray[np.float64]
 
@@ -30,6 +35,8 @@ PROBABILITIES = (0.05, 0.5, 0.95, 0.99)
 CONFIDENCE = 0.9
 """Of the interval of each percentile and probability."""
 WORST = 5
+LEAST_CASES = 4  # for a rank correlation that says anything
+RESAMPLES = 200  # of the bootstrap of Sobol' indices
 
 
 @dataclass(frozen=True)
@@ -75,6 +82,21 @@ class Outcome:
         if output.name not in self.table:
             return np.full(len(self.table), np.nan)
         return np.asarray(self.table[output.name].to_numpy(dtype=float, na_value=np.nan))
+
+    @cached_property
+    def percentiles(self) -> list[Percentiles]:
+        """Of all outputs that some case has."""
+        return find_percentiles(self)
+
+    @cached_property
+    def compliance(self) -> list[Compliance]:
+        """Of each requirement, signal and run."""
+        return find_compliance(self)
+
+    @cached_property
+    def influences(self) -> list[Influence]:
+        """Of all outputs that vary."""
+        return find_influences(self)
 
     @property
     def headlines(self) -> tuple[Output, ...]:
@@ -307,3 +329,83 @@ def _scale(outcome: Outcome, output: Output) -> Array:
     finite = values[np.isfinite(values)]
     unit = output.limit if output.limit is not None else float(np.median(finite)) if len(finite) else 1.0
     return np.asarray(values / (unit or 1.0))
+
+
+@dataclass(frozen=True)
+class Influence:
+    """Of the factors on an output; arrays (factors,)."""
+
+    output: Output
+    rank_correlation: Array
+    """Spearman's: 1 or -1 where the output rises or falls with the factor; NaN for a factor with one value."""
+    measures: Mapping[str, Array] = field(default_factory=dict)
+    """``sobol_first`` and ``sobol_total`` with their ``_low`` and ``_high``, ``morris_mu_star``, ``morris_sigma``."""
+
+    @property
+    def ranking(self) -> tuple[str, Array]:
+        """What factors are ranked by, and its values: total Sobol' index, Morris' mu*, or the rank correlation."""
+        for name in ("sobol_total", "morris_mu_star"):
+            if name in self.measures:
+                return name, self.measures[name]
+        return "", self.rank_correlation
+
+    @property
+    def order(self) -> list[int]:
+        """Places of the factors, the strongest first."""
+        strength = np.nan_to_num(np.abs(self.ranking[1]))
+        return [int(place) for place in strength.argsort()[::-1]]
+
+
+def find_influences(outcome: Outcome) -> list[Influence]:
+    """Of all outputs that vary; those with fewer than four cases are left out."""
+    found = []
+    for output in outcome.outputs:
+        values = outcome.values(output)
+        there = np.isfinite(values)
+        if there.sum() < LEAST_CASES or np.ptp(values[there]) == 0.0:
+            continue
+        measures: dict[str, Array] = {}
+        if there.all() and outcome.plan.study.plan == SOBOL_INDICES:
+            measures = _find_sobol(outcome, values)
+        elif there.all() and outcome.plan.study.plan == MORRIS:
+            measures = _find_morris(outcome, values)
+        found.append(Influence(output, _correlate(outcome.plan.draws[there], values[there]), measures))
+    return found
+
+
+def _correlate(draws: Array, values: Array) -> Array:
+    from scipy.stats import spearmanr
+
+    return np.array([
+        float(spearmanr(column, values).statistic) if np.ptp(column) > 0.0 else np.nan for column in draws.T
+    ])  # fmt: skip
+
+
+def _find_sobol(outcome: Outcome, values: Array) -> dict[str, Array]:
+    """Indices of first order and total (A. Saltelli and others, Comput. Phys. Commun. 181 (2010) 259-270)."""
+    from scipy.stats import sobol_indices
+
+    factors = len(outcome.plan.factors)
+    n = len(values) // (factors + 2)
+    f_A, f_B, f_AB = values[:n], values[n : 2 * n], values[2 * n :].reshape(factors, 1, n)
+    found = sobol_indices(func={"f_A": f_A[None], "f_B": f_B[None], "f_AB": f_AB}, n=n, rng=0)
+    spread = found.bootstrap(confidence_level=CONFIDENCE, n_resamples=RESAMPLES)
+    measures = {}
+    for name, index, interval in (
+        ("sobol_first", found.first_order, spread.first_order),
+        ("sobol_total", found.total_order, spread.total_order),
+    ):
+        measures[name] = np.ravel(index)
+        measures[f"{name}_low"] = np.ravel(interval.confidence_interval.low)
+        measures[f"{name}_high"] = np.ravel(interval.confidence_interval.high)
+    return measures
+
+
+def _find_morris(outcome: Outcome, values: Array) -> dict[str, Array]:
+    """Mean magnitude and spread of the elementary effects (M. D. Morris, Technometrics 33 (1991) 161-174)."""
+    from SALib.analyze import morris
+
+    factors = len(outcome.plan.factors)
+    shares = study_shares(outcome.plan.study, factors)
+    found = morris.analyze(describe_problem(factors), shares, values, num_levels=MORRIS_LEVELS, seed=0)
+    return {"morris_mu_star": np.asarray(found["mu_star"], dtype=float), "morris_sigma": np.asarray(found["sigma"])}

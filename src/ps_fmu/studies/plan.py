@@ -1,14 +1,11 @@
-"""All cases of a study before any is run: points in the unit cube, draws, start values, seeds; and their hash."""
+"""All cases of a study before any is run: points in the unit cube, draws, start values, seeds."""
 
 from __future__ import annotations
 
-import hashlib
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from fmpy.model_description import ModelDescription
@@ -19,7 +16,6 @@ from ..cosim.description import convert_value, find_variable, index_variables
 from ..cosim.graph import check_wiring
 from ..cosim.structure import parse_port, split_port
 from ..runs.setup import RunSystem
-from .bundle import result_versions
 from .factors import Factor, convert_level, explain_fed, explain_unvaried, find_factor
 from .rows import OWN, VERDICT
 from .study import (
@@ -103,14 +99,14 @@ def join_correlations(study: Study, names: Sequence[str]) -> Array | None:
     matrix = np.eye(len(names))
     stated: set[frozenset[str]] = set()
     for group in study.correlations:
-        for i, one in enumerate(group.names):
-            for j, other in enumerate(group.names[:i]):
+        for i, one in enumerate(group.parameters):
+            for j, other in enumerate(group.parameters[:i]):
                 pair = frozenset((one, other))
                 if pair in stated:
                     raise StudyError(f"{group.place}: the correlation of {one!r} and {other!r} is stated twice")
                 stated.add(pair)
                 row, column = names.index(one), names.index(other)
-                matrix[row, column] = matrix[column, row] = group.matrix[i][j]
+                matrix[row, column] = matrix[column, row] = group.matrix[i][j]  # type: ignore[index]
     _check_definite(matrix, study.correlations)
     return matrix
 
@@ -274,47 +270,6 @@ def list_seeds(study: Study, descriptions: Mapping[str, ModelDescription]) -> li
     return [name for name in found if name not in own]
 
 
-def hash_plan(
-    plan: Plan,
-    fmus: Mapping[str, str],
-    system_sha256: str,
-    requirements: bytes,
-    faults: bytes = b"",
-    checkpoints: Mapping[str, str] | None = None,
-    inputs: bytes = b"",
-) -> str:
-    """SHA-256, hexadecimal, of all that decides the rows of the study.
-
-    Parameters
-    ----------
-    fmus: SHA-256 of each FMU by its name.
-    system_sha256: of wiring and start values, which the FMUs share.
-    requirements, faults, inputs: contents of the files, empty without one.
-    checkpoints: SHA-256 of that of each run, None without any.
-    """
-    study = plan.study
-    stated: dict[str, Any] = {
-        "factors": [(factor.name, factor.unit, factor.targets, factor.ratios) for factor in plan.factors],
-        "draws": hashlib.sha256(plan.draws.astype("<f8").tobytes()).hexdigest(),
-        "levels": [factor.levels for factor in plan.factors],
-        "seed": (study.seed, study.seeds, plan.seed_names),
-        "runs": study.runs,
-        "times": (study.duration_s, study.step_s, study.scheme.as_dict()),
-        "observed": [{**observed.as_dict(), "place": ""} for observed in study.observed],
-        "requirements": hashlib.sha256(requirements).hexdigest(),
-        "system": system_sha256,
-        "fmus": fmus,
-        "versions": result_versions(),
-    }
-    if faults:
-        stated["faults"] = hashlib.sha256(faults).hexdigest()
-    if inputs:
-        stated["inputs"] = hashlib.sha256(inputs).hexdigest()
-    if study.branch is not None:
-        stated["from"] = (checkpoints, sorted(study.branch.anew))
-    return hashlib.sha256(json.dumps(stated, sort_keys=True).encode()).hexdigest()
-
-
 def _check_targets(study: Study, factors: Sequence[Factor]) -> None:
     owner: dict[str, Factor] = {}
     for factor in factors:
@@ -325,7 +280,7 @@ def _check_targets(study: Study, factors: Sequence[Factor]) -> None:
     for run, values in study.runs.items():
         for name in values:
             if name in owner:
-                raise StudyError(f"{study.path}, [runs.{run}], {name}: is varied by [[vary]] {owner[name].name!r}")
+                raise StudyError(f"{study.path}, runs.{run}, {name}: is varied by [[vary]] {owner[name].name!r}")
 
 
 def _convert_runs(
@@ -350,7 +305,7 @@ def _convert_runs(
                     raise UsageError(reason)
                 found[run][name] = convert_level(variable, value)
             except UsageError as error:
-                raise StudyError(f"{study.path}, [runs.{run}], {name}: {error}") from None
+                raise StudyError(f"{study.path}, runs.{run}, {name}: {error}") from None
     return found
 
 

@@ -1,4 +1,7 @@
-"""From a study to what is run: what it observes and varies, where its runs begin, checked; the files for workers."""
+"""From a study to what is run: its system, of whatever maker, read as ``ps-fmu run`` reads it, and checked.
+
+What it observes and varies, where its runs begin, and the files for workers.
+"""
 
 from __future__ import annotations
 
@@ -8,32 +11,187 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from fmpy.model_description import ModelDescription
 
-from ..cosim import CosimError, Value
+from ..cosim import Column, CosimError, System, UsageError, Value, read_parameters
 from ..cosim.checkpoint.warm_start import WarmStart
 from ..cosim.clock import StepClock
+from ..cosim.columns import list_run_columns
+from ..cosim.description import index_variables, read_descriptions
+from ..cosim.errors import MissingFmuError
+from ..cosim.faults.active import make_faults
 from ..cosim.faults.binding import bind_faults
 from ..cosim.faults.numbers import change_numbers
-from ..cosim.graph import check_wiring
+from ..cosim.faults.reading import read_faults
+from ..cosim.graph import Wiring, check_wiring
 from ..cosim.schemes.resolving import resolve_scheme
-from ..cosim.structure import Experiment
+from ..cosim.signals import read_signals
+from ..cosim.ssp.reading import complete_experiment, read_any_system
+from ..cosim.structure import Experiment, Parameter, parse_port
 from ..cosim.system_json import encode_system
-from ..pointing.indices import AbsoluteError, MeanError, PointingIndex, RelativeError, ResidualJitter
+from ..product.files import find_product
+from ..requirements.quantity import Names, Time
+from ..requirements.requirement import find_targets, read_requirements
+from ..runs.built_fmus import find_built_folder, is_own, list_models, provide_fmus
+from ..runs.judge import RunJudge
 from ..runs.keeping import find_source
-from ..runs.options import OptionError
-from ..runs.setup import RunSystem
-from .bundle import FAULTS, FMUS, INPUTS, REQUIREMENTS, SYSTEM, TASK, Bundle, Task, result_versions
+from ..runs.options import OptionError, RunOptions
+from ..runs.scenario import Scenario
+from ..runs.setup import HIGHEST_NOISE, SEED, RunSystem, limit_noise
+from ..runs.warning_log import WarningLog
+from .bundle import FAULTS, FMUS, INPUTS, REQUIREMENTS, SYSTEM, TASK, Bundle, Sources, Task, result_versions
 from .factors import names_faults, split_values
-from .loading import list_columns
+from .observed import check_signals, check_windows, find_columns, find_signals
 from .plan import Plan, list_seeds
-from .signals import find_columns
 from .study import Branch, Observed, Study, StudyError
 
-Sources = Mapping[str, WarmStart]
-"""The checkpoint that each run begins from, by the name of the run; empty for a study without any."""
 DEFAULT_SIGNAL = "plant.payload_rotation"
 DEFAULT_WINDOW_S = 1.0
+DEFAULT_SEED = 1  # of the disturbance, where no case has its own
 MOST_LEVELS = 1000  # of a number of faults: more are not checked one by one
+
+
+def make_options(study: Study, output: Path) -> RunOptions:
+    """The study as options of a run.
+
+    Raises :class:`..runs.options.OptionError`.
+    """
+    scenario = Scenario(
+        study.name, f"a case of the study {study.path.name}", "", study.duration_s, study.step_s,
+        cases=tuple(study.runs), system=study.system.name,
+    )  # fmt: skip
+    return RunOptions(
+        scenario,
+        system=study.system,
+        output=output,
+        duration_s=study.duration_s,
+        step_s=study.step_s,
+        parameters=study.parameters,
+        scheme=study.scheme,
+        requirements=study.requirements,
+        faults=study.faults,
+        isolation=study.isolation,
+        fmus=study.fmus,
+        progress=False,
+    )
+
+
+def choose_fmus(study: Study, folder: Path | None) -> Path | None:
+    """Where the FMUs of a study are sought first: in ``folder``, or in that of ps_fmu's own, built if need be.
+
+    None: where the system says.  Raises BuildError, OSError, and CosimError for a system that cannot be read.
+    """
+    if folder is not None or study.system.suffix.lower() in (".ssp", ".fmu"):
+        return folder
+    own = find_built_folder()
+    if not is_own(study.system):
+        try:
+            read_any_system(study.system, outside=study.outside)
+            return None
+        except MissingFmuError as error:
+            if error.fmu.stem not in list_models(find_product().root):
+                raise
+    provide_fmus(own, study.system)
+    return own
+
+
+def load_study_system(study: Study) -> tuple[Study, RunSystem]:
+    """The system of a study; requirements, signals and windows are checked against it.
+
+    Start values are those that the FMUs take, behind all bindings, mappings and units.  The study has the step of its
+    system, or else of its FMUs, where it states none itself.
+
+    Raises :class:`.study.StudyError`, :class:`..requirements.requirement.RequirementError`, and
+    :class:`..cosim.CosimError` for a system that cannot be read.
+    """
+    warnings = WarningLog()
+    with warnings.collect():
+        try:
+            study, system = _read(study, warnings)
+        except OptionError as error:
+            raise StudyError(f"{study.path}, study, {str(error).removeprefix('--')}") from error
+    if study.isolation is not None:
+        try:
+            study.isolation.check(system.structure)
+        except UsageError as error:
+            raise study.error("isolate", str(error)) from error
+    columns = list_columns(study, system)
+    for observed in study.observed:
+        find_signals(observed, columns)
+        check_windows(observed, study.step_s, study.duration_s)
+    if study.signals is not None:
+        check_signals(study.signals, columns, study.step_s, study.duration_s)
+    for requirement in system.judge.requirements:
+        find_targets(requirement, columns)
+        requirement.check_times(study.step_s, study.duration_s)
+        requirement.check_cases(study.runs)
+    return study, system
+
+
+def list_columns(study: Study, system: RunSystem) -> tuple[Column, ...]:
+    """What a run of the study can record, in order: outputs, inputs over time, outputs of the system."""
+    return list_run_columns(system.structure, system.descriptions, system.inputs, study.scheme, study.step_s)
+
+
+def _read(study: Study, warnings: WarningLog) -> tuple[Study, RunSystem]:
+    given: dict[str, Parameter] = {}
+    sets = [read_parameters(path).entries() for path in study.parameters]
+    for one in sets:
+        given |= one
+    structure = read_any_system(study.system, study.fmus, outside=study.outside, values=sets)
+    descriptions = read_descriptions(structure, lenient=True)
+    if not study.states_step and (stated := complete_experiment(structure, descriptions).step) is not None:
+        study = replace(study, step_s=stated)
+    make_options(study, Path())  # raises for times that no run could have
+    disturbed = _has_disturbance(descriptions)
+    if disturbed and SEED not in given:
+        structure = structure.with_parameters({SEED: DEFAULT_SEED})
+    wiring = check_wiring(structure, descriptions)
+    for text in wiring.remarks:
+        warnings.add(text)
+    inputs = {} if study.inputs is None else read_signals(study.inputs)
+    faults = None if study.faults is None else read_faults(study.faults)
+    make_faults(faults, structure, descriptions, StepClock(0.0, study.step_s), study.scheme)
+    judge = RunJudge(() if study.requirements is None else read_requirements(study.requirements))
+    system = RunSystem(
+        _settle(structure, wiring), descriptions, given, warnings, judge, faults=faults, inputs=inputs
+    )
+    try:
+        resolve_scheme(study.scheme, structure, descriptions, study.step_s)
+    except UsageError as error:
+        raise study.error("rates" if study.scheme.rates else "scheme", str(error)) from error
+    try:
+        list_columns(study, system)
+    except UsageError as error:
+        own = study.inputs is not None and str(error).startswith(str(study.inputs))
+        raise study.error("inputs" if own else "system", str(error)) from error
+    return study, limit_noise(system, study.step_s) if disturbed else system
+
+
+def _has_disturbance(descriptions: Mapping[str, ModelDescription]) -> bool:
+    """Whether there is a disturbance source of ps_fmu: a component of another maker may have the same name."""
+    component = parse_port(SEED).component
+    known = index_variables(descriptions[component]) if component in descriptions else {}
+    return all(parse_port(name).variable in known for name in (SEED, HIGHEST_NOISE))
+
+
+def _settle(structure: System, wiring: Wiring) -> System:
+    """The system with start values as the FMUs take them, and without those that are ignored."""
+    return replace(
+        structure,
+        components=tuple(
+            replace(
+                component,
+                parameters={
+                    name: replace(entry, value=wiring.starts[component.name][name], unit=None, defined=None,
+                                  items=None, hops=())
+                    for name, entry in component.parameters.items()
+                    if name in wiring.starts[component.name]
+                },
+            )
+            for component in structure.components
+        ),
+    )  # fmt: skip
 
 
 def read_sources(study: Study) -> Sources:
@@ -113,11 +271,10 @@ def complete_observed(study: Study, system: RunSystem) -> Study:
     """The study; where it observes nothing, with the indices of the payload's rotation over 1 s."""
     if study.observed:
         return study
-    indices: list[PointingIndex] = [AbsoluteError()]
-    if study.duration_s >= DEFAULT_WINDOW_S:
-        window = DEFAULT_WINDOW_S
-        indices += [MeanError(window), RelativeError(window, "uniform"), ResidualJitter(window)]
-    observed = Observed(f"{study.path}, [[observe]]", (DEFAULT_SIGNAL,), tuple(indices))
+    own = {"window": Time(DEFAULT_WINDOW_S), "at": "uniform"} if study.duration_s >= DEFAULT_WINDOW_S else {}
+    symbols = ("APE", "MPE", "RPE", "jitter") if own else ("APE",)
+    observed = Observed(signal=Names((DEFAULT_SIGNAL,)), index=Names(symbols), **own)  # type: ignore[arg-type]
+    observed.put(f"{study.path}, observe")
     columns = list_columns(study, system)
     if not any(column.name.startswith(f"{DEFAULT_SIGNAL}.") for column in columns):
         reals = [column.name for column in columns if column.type == "Real"]
@@ -178,9 +335,11 @@ def make_bundle(study: Study, system: RunSystem, sources: Sources) -> Bundle:
     if study.signals is not None:
         stored = find_columns(study.signals, list_columns(study, system))
     task = Task(
-        study.step_s, study.duration_s, study.scheme, study.runs, study.observed, result_versions(), stored,
-        None if study.signals is None else study.signals.step_s, study.isolation,
-        {run: kept[source.path] for run, source in sources.items()}, () if study.branch is None else study.branch.anew,
+        step_s=study.step_s, duration_s=study.duration_s, scheme=study.scheme, observed=study.observed,
+        runs={run: dict(values) for run, values in study.runs.items()}, versions=result_versions(), stored=stored,
+        stored_step_s=None if study.signals is None else study.signals.step, isolation=study.isolation,
+        sources={run: kept[source.path] for run, source in sources.items()},
+        anew=() if study.branch is None else study.branch.anew,
     )  # fmt: skip
     files[TASK] = task.as_json()
     for name, path in ((REQUIREMENTS, study.requirements), (FAULTS, study.faults), (INPUTS, study.inputs)):

@@ -1,13 +1,15 @@
-"""A row is what a study keeps of a case; all rows of a study are in one file of its output folder."""
+"""What a study keeps of its cases in the output folder: a file of all rows, and the signals of chosen cases."""
 
 from __future__ import annotations
 
 import hashlib
 import json
 import os
+import re
+import shutil
 import sqlite3
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from itertools import islice
 from pathlib import Path
@@ -35,9 +37,11 @@ LONGEST_TEXT = 2000  # of an error or of warnings
 
 
 FILE = "rows.sqlite"  # in the output folder
+SIGNALS = "signals"  # a folder there
 WAIT_S = 60.0  # for another process that reads or writes the file
 ROWS_AT_ONCE = 10_000  # that are in memory as Python objects
 
+_NAME = re.compile(r"case-(?P<case>\d+)\.nc")
 _TABLE = "CREATE TABLE IF NOT EXISTS rows (number INTEGER PRIMARY KEY, content TEXT NOT NULL, digest TEXT NOT NULL)"
 
 
@@ -87,11 +91,6 @@ class RowStore:
     def read_statuses(self) -> dict[int, str]:
         """The status of each case that has a row."""
         return {row["case"]: row["status"] for row in self.read()}
-
-    def list_missing(self, cases: int) -> list[int]:
-        """Those of the cases from 0 on that have no row, in order."""
-        done = self.read_statuses()
-        return [case for case in range(cases) if case not in done]
 
     def read_table(self) -> Any:
         """All rows as a ``pyarrow.Table``, without histograms, which are some kilobytes a case; None without rows.
@@ -150,3 +149,33 @@ def write_durably(path: Path, content: bytes) -> None:
         sync_folder(path.parent)
     except OSError as error:
         raise OSError(error.errno, error.strerror or str(error), str(path)) from error
+
+
+def check_free(folder: Path, needed: int, stored: int) -> None:
+    """Raises ``OSError`` if the disk of the output folder has no room for the files; ``stored`` bytes are there."""
+    free = shutil.disk_usage(folder).free
+    if needed - stored > free:
+        raise OSError(
+            f"{folder}: the signals take some {(needed - stored) / 1e9:.3g} GB, and {free / 1e9:.3g} GB are free: "
+            "store fewer cases or outputs, or rows further apart ([signals])"
+        )
+
+
+def name_file(case: int) -> str:
+    """Name of the file of a case."""
+    return f"case-{case:07d}.nc"
+
+
+def list_stored(folder: Path) -> dict[int, Path]:
+    """The files of the output folder ``folder`` by their case."""
+    found = {}
+    for path in sorted((folder / SIGNALS).glob("case-*.nc")):
+        if match := _NAME.fullmatch(path.name):
+            found[int(match["case"])] = path
+    return found
+
+
+def list_unstored(folder: Path, wanted: Iterable[int]) -> list[int]:
+    """Those of the cases ``wanted`` that have no file."""
+    stored = list_stored(folder)
+    return sorted(case for case in set(wanted) if case not in stored)

@@ -1,202 +1,201 @@
-"""A study as its file states it, typed access to its tables, and numbers with units.
+"""A study as its TOML file states it.  docs/studies.md explains every key.
 
 Whether the names in it exist is seen when the system is read.
 """
 
 from __future__ import annotations
 
-import math
-import re
-import sys
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
+import msgspec
 from fmpy.model_description import ModelDescription
 
-from ..cosim import Value
+from ..cosim import SystemFileError, UsageError, Value
 from ..cosim.description import explain_unsettable, find_variable
-from ..cosim.isolation.instance import Isolation
-from ..cosim.schemes.scheme import Scheme
-from ..cosim.structure import split_port, suggest_names
+from ..cosim.documents import read_document
+from ..cosim.isolation.instance import Isolation, make_isolation
+from ..cosim.schemes.scheme import Iteration, Scheme, read_rate
+from ..cosim.ssp.reading import find_description
+from ..cosim.structure import COMPONENT_NAME, split_port
 from ..pointing.indices import PointingIndex
-from ..requirements.requirement import INDICES
-from ..slavekit.author.units import parse_unit
+from ..product.files import find_file, find_product
+from ..requirements.quantity import Delay, Line, Names, Quantity, Time, make_value
+from ..requirements.requirement import INDICES, make_index
 
-_NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(\S.*?)?\s*")
 GRID, LIST, RANDOM, LATIN, SOBOL = "grid", "list", "random", "latin-hypercube", "sobol"
 SOBOL_INDICES, MORRIS = "sobol-indices", "morris"
-PLANS = (GRID, LIST, RANDOM, LATIN, SOBOL, SOBOL_INDICES, MORRIS)
 SAMPLES = (RANDOM, LATIN, SOBOL)
 """Plans whose cases are a sample of the dispersed system: percentiles and probabilities mean something."""
 INDEPENDENT, COMMON = "independent", "common"
 VALUES, STEPS, UNIFORM, NORMAL = "values", "steps", "uniform", "normal"
-DISTRIBUTIONS = (STEPS, UNIFORM, NORMAL)
+KEYS_OF = {
+    VALUES: ("values",),
+    STEPS: ("low", "high", "count", "spacing"),
+    UNIFORM: ("low", "high", "relative"),
+    NORMAL: ("mean", "sigma", "relative", "low", "high"),
+}
+NUMBERS = ("low", "high", "mean", "sigma", "relative")
+WINDOWED = ("MPE", "RPE", "smear", "jitter")
 MOST_CASES = 1_000_000
-MOST_GB = 20.0  # of signals, unless the study allows more
-_ABSENT = object()
-
-
-@dataclass(frozen=True)
-class Number:
-    """A finite number; ``unit`` is "" where none is given."""
-
-    value: float
-    unit: str
-
-    def to(self, unit: str) -> float:
-        """The number in another unit; "1" and "" are those of numbers without dimension.
-
-        Raises ``ValueError`` where the two do not fit; a number without unit fits only a variable without one.
-        """
-        if unit in ("", "-"):
-            unit = "1"
-        if self.unit == unit:  # also for units that are not read here
-            return self.value
-        own, other = parse_unit(self.unit or "1"), parse_unit(unit)
-        if own is None or own.offset:
-            more = "" if unit == "1" else f"; the variable has the unit {unit!r}"
-            raise ValueError(
-                f"the unit {self.unit!r} is not known; known are SI units, urad, um, deg, rpm, % and others{more}"
-            )
-        if other is None or other.offset:
-            raise ValueError(f"nothing can be converted to the unit {unit!r}: write '{self.value:g} {unit}'")
-        if own.exponents != other.exponents:
-            if unit == "1":
-                raise ValueError(f"{self.unit!r} does not fit a number without unit: write for example {self.value:g}")
-            given = repr(self.unit) if self.unit else "a number without unit"
-            raise ValueError(f"{given} does not fit the unit {unit!r}: write for example '{self.value:g} {unit}'")
-        return self.value * own.scale / other.scale
-
-    def __str__(self) -> str:
-        return f"{self.value:g} {self.unit}".rstrip()
-
-
-def parse_number(given: object) -> Number:
-    """A number from a text with its unit, or a plain number for what has no unit.
-
-    Whether the unit is known shows when it is converted.  Raises ``ValueError`` for anything else: no number, or one
-    that is not finite.
-    """
-    if isinstance(given, int | float) and not isinstance(given, bool):
-        try:
-            value, unit = float(given), ""
-        except OverflowError:
-            raise ValueError(f"expected a number up to {sys.float_info.max:.2g}, got {given!r:.20}...") from None
-    else:
-        found = _NUMBER.fullmatch(given) if isinstance(given, str) else None
-        if found is None:
-            raise ValueError(f"expected a number with its unit, such as '0.5 kg', got {given!r}")
-        value, unit = float(found[1]), found[2] or ""
-    if not math.isfinite(value):
-        raise ValueError(f"expected a finite number, got {given!r}")
-    return Number(value, unit)
+DEFAULT_STEP_S = 1e-4  # where the system states none either
+DEFAULT_RUN = "active"  # the run that requirements judge when they do not say which
+Many = Annotated[int, msgspec.Meta(ge=1, le=2**31)]
+Rank = Annotated[float, msgspec.Meta(ge=-1.0, le=1.0)]
 
 
 class StudyError(ValueError):
     """A study that cannot be run; the text names the file, the table and the key."""
 
 
-@dataclass(frozen=True)
-class Vary:
-    """What is varied: a table ``[[vary]]``."""
+class Table(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, dict=True):
+    """A table of the file; ``place`` names file and table in messages."""
 
-    place: str
-    """File, line and name, for error messages."""
-    name: str
-    parameters: tuple[str, ...]
+    @property
+    def place(self) -> str:
+        """As :meth:`put` has set it."""
+        return str(self.__dict__.get("place", ""))
+
+    def put(self, place: str) -> None:
+        """Set the place."""
+        self.__dict__["place"] = place
+
+    def error(self, key: str, problem: str) -> StudyError:
+        """The error that names the place and the key."""
+        return StudyError(f"{self.place}, {key}: {problem}")
+
+
+class Vary(Table):
+    """What is varied."""
+
+    parameter: Names
     """``component.parameter``, or a parameter of all components that have it."""
-    only: tuple[str, ...]
+    name: Line = Line("")
+    """The first parameter, where the file states none."""
+    only: Names = Names()
     """Components that get the value; empty: all that have the parameter."""
-    distribution: str
-    """One of :data:`DISTRIBUTIONS`, or :data:`VALUES`."""
-    numbers: Mapping[str, Number]
-    """``low``, ``high``, ``mean``, ``sigma``, ``relative``: those that are given."""
-    levels: tuple[object, ...] = ()
-    """The values, as the file has them."""
-    count: int = 0
+    distribution: Literal["values", "steps", "uniform", "normal"] = "values"
+    values: list[Any] = []
+    """As the file has them."""
+    low: Quantity | None = None
+    high: Quantity | None = None
+    mean: Quantity | None = None
+    sigma: Quantity | None = None
+    relative: Quantity | None = None
+    count: Annotated[int, msgspec.Meta(ge=1, le=MOST_CASES)] = 0
     """Of the steps."""
-    logarithmic: bool = False
-    """The steps have a constant ratio."""
+    spacing: Literal["linear", "log"] | None = None
+    """``log``: the steps have a constant ratio."""
 
-    def error(self, key: str, problem: str) -> StudyError:
-        """The error that names file, table and key."""
-        return StudyError(f"{self.place}, {key}: {problem}")
+    def __post_init__(self) -> None:
+        self.name = self.name or Line(self.parameter[0])
+        kind, given = self.distribution, [key for key in NUMBERS if getattr(self, key) is not None]
+        given += [key for key in ("values", "count", "spacing") if getattr(self, key)]
+        for key in given:
+            if key not in KEYS_OF[kind]:
+                raise ValueError(f"{key}: unknown for {kind}")
+        needed = {VALUES: ("values",), STEPS: ("low", "high", "count"), UNIFORM: ("low", "high"), NORMAL: ()}[kind]
+        for key in () if self.relative is not None else needed:
+            if key not in given:
+                raise ValueError(f"{key}: is missing for {kind}")
+        if kind == NORMAL and (self.sigma is None) == (self.relative is None):
+            raise ValueError("sigma: expected either sigma or relative, its share of the mean")
+        if kind == UNIFORM and self.relative is not None and len(self.numbers) > 1:
+            raise ValueError("relative: expected either low and high, or relative, the share by which both differ")
 
-
-@dataclass(frozen=True)
-class Correlation:
-    """Rank correlations (Spearman) between some of what is varied: a table ``[[correlate]]``."""
-
-    place: str
-    names: tuple[str, ...]
-    matrix: tuple[tuple[float, ...], ...]
-
-
-@dataclass(frozen=True)
-class Observed:
-    """Signals and the indices that each case states of them: a table ``[[observe]]``."""
-
-    place: str
-    signals: tuple[str, ...]
-    indices: tuple[PointingIndex, ...]
-    settling_s: float = 0.0
-
-    def as_dict(self) -> dict[str, Any]:
-        """As JSON knows it; :meth:`from_dict` reads it."""
-        indices = [
-            {"symbol": index.symbol, **{item.name: getattr(index, item.name) for item in fields(index)}}  # type: ignore[arg-type]
-            for index in self.indices
-        ]
-        return {"place": self.place, "signals": self.signals, "indices": indices, "settling_s": self.settling_s}
-
-    @classmethod
-    def from_dict(cls, found: Mapping[str, Any]) -> Observed:
-        """What :meth:`as_dict` has written."""
-        indices = [dict(index) for index in found["indices"]]
-        made = tuple(INDICES[index.pop("symbol")](**index) for index in indices)
-        return cls(found["place"], tuple(found["signals"]), made, found["settling_s"])
+    @property
+    def numbers(self) -> dict[str, Quantity]:
+        """Those of :data:`NUMBERS` that are given."""
+        found = {key: getattr(self, key) for key in NUMBERS}
+        return {key: number for key, number in found.items() if number is not None}
 
 
-@dataclass(frozen=True)
-class Signals:
-    """A table ``[signals]``."""
+class Correlation(Table):
+    """Rank correlations (Spearman) between some of what is varied: ``rank`` of all pairs, or a ``matrix``."""
 
-    place: str
-    variables: tuple[str, ...]
+    parameters: Names
+    """Names of two ``[[vary]]`` or more."""
+    rank: Rank | None = None
+    matrix: list[list[Rank]] | None = None
+
+    def __post_init__(self) -> None:
+        size = len(self.parameters)
+        if size < 2:
+            raise ValueError("parameters: expected two names or more")
+        if (self.rank is None) == (self.matrix is None):
+            raise ValueError("rank: expected either rank, for all pairs, or matrix")
+        if self.rank is not None:
+            self.matrix = [[1.0 if i == j else self.rank for j in range(size)] for i in range(size)]
+        assert self.matrix is not None
+        if len(self.matrix) != size or any(len(row) != size for row in self.matrix):
+            raise ValueError(f"matrix: expected {size} rows of {size} numbers")
+        pairs = [(i, j) for i in range(size) for j in range(size)]
+        if any(self.matrix[i][j] != self.matrix[j][i] or (i == j and self.matrix[i][j] != 1.0) for i, j in pairs):
+            raise ValueError("matrix: expected a symmetric matrix with 1 on its diagonal")
+
+
+class Observed(Table):
+    """Signals and the indices that each case states of them."""
+
+    signal: Names
+    index: Names = Names()
+    """Symbols; APE without a window, all but PDE and PRE with one where the file states none."""
+    window: Time | None = None
+    at: Literal["uniform", "end"] | None = None
+    separation: Time | None = None
+    settling: Delay = Delay(0.0)
+
+    def __post_init__(self) -> None:
+        self.index = self.index or Names(("APE",) if self.window is None else ("APE", *WINDOWED))
+        for symbol in self.index:
+            if symbol not in INDICES:
+                raise ValueError(f"index: expected some of {', '.join(INDICES)}, got {symbol!r}")
+        used = {item.name for symbol in self.index for item in fields(INDICES[symbol])}  # type: ignore[arg-type]
+        for key in ("window", "at", "separation"):
+            if (getattr(self, key) is not None) != (key in used):
+                problem = "is missing" if key in used else f"none of {', '.join(self.index)} has one"
+                raise ValueError(f"{key}: {problem}")
+        self.__dict__["indices"] = tuple(make_index(symbol, msgspec.structs.asdict(self)) for symbol in self.index)
+
+    @property
+    def indices(self) -> tuple[PointingIndex, ...]:
+        """With their windows."""
+        found: tuple[PointingIndex, ...] = self.__dict__["indices"]
+        return found
+
+
+class Signals(Table):
+    """What is stored of the signals."""
+
+    variables: Names
     """Names and patterns."""
-    step_s: float | None
-    """Between stored rows; None: every step."""
-    all: bool = False
-    cases: tuple[int, ...] = ()
-    every: int = 0
-    """Each so-many-th case, from 0 on; 0: none."""
-    worst: int = 0
-    most_gb: float = MOST_GB
+    step: Time | None = None
+    """Between stored rows, s; None: every step."""
+    cases: Literal["all"] | list[Annotated[int, msgspec.Meta(ge=0)]] = []
+    every: Many | None = None
+    """Each so-many-th case, from 0 on."""
+    worst: Many | None = None
+    most: Annotated[float, msgspec.Meta(gt=0.0)] = 20.0
+    """GB that all files may have together."""
 
-    def error(self, key: str, problem: str) -> StudyError:
-        """The error that names the table and the key."""
-        return StudyError(f"{self.place}, {key}: {problem}")
+    def __post_init__(self) -> None:
+        if not (self.cases or self.every or self.worst):
+            raise ValueError('cases: no case is chosen: expected cases, such as "all", or every, or worst')
 
     def wants(self, case: int) -> bool:
         """Whether a case is stored, whatever its numbers are."""
-        return self.all or case in self.cases or bool(self.every and case % self.every == 0)
+        return self.cases == "all" or case in self.cases or bool(self.every and case % self.every == 0)
 
 
-@dataclass(frozen=True)
-class Branch:
+class Branch(Table):
     """Where the runs of each case begin: a table ``[from]``."""
 
-    place: str
     checkpoint: Path
     """File of a checkpoint, a folder of them, or the results of a run, which has one for each case."""
-    anew: tuple[str, ...] = ()
+    anew: Names = Names()
     """Components that begin without their state there, and so with any parameters."""
-
-    def error(self, key: str, problem: str) -> StudyError:
-        """The error that names the table and the key."""
-        return StudyError(f"{self.place}, {key}: {problem}")
 
     def keeps(self, name: str, descriptions: Mapping[str, ModelDescription]) -> bool:
         """Whether ``component.variable`` is in the state of its FMU, so that no case can have another value."""
@@ -204,6 +203,61 @@ class Branch:
         assert port is not None  # the plan has found it
         variable = find_variable(descriptions[port.component], port.variable)
         return port.component not in self.anew and explain_unsettable(variable, running=True) is not None
+
+
+class _Study(Table):
+    """The table ``[study]``."""
+
+    plan: Literal["grid", "list", "random", "latin-hypercube", "sobol", "sobol-indices", "morris"]
+    duration: Time
+    seed: Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
+    cases: int | None = None
+    name: Line | None = None
+    system: Path = Path("SystemStructure.ssd")
+    step: Time | None = None
+    scheme: Literal["jacobi", "gauss-seidel", "iterated"] = "jacobi"
+    extrapolate: Literal["hold", "linear", "smoothed"] = "hold"
+    rates: dict[str, int | str] = {}
+    solver: Literal["broyden", "newton", "fixed-point"] | None = None
+    tolerance: Annotated[float, msgspec.Meta(gt=0.0, lt=1.0)] | None = None
+    error_estimate: bool = False
+    parameters: Names = Names()
+    requirements: Path | None = None
+    faults: Path | None = None
+    inputs: Path | None = None
+    outside: bool = False
+    seeds: Literal["independent", "common"] | None = None
+    timeout: Time | None = None
+    isolate: Any = False
+    """Whether all FMUs are isolated, or the names of some."""
+    step_timeout: Time | None = None
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.isolate, bool):
+            try:
+                self.isolate = make_value(Names, self.isolate)
+            except ValueError as error:
+                raise ValueError(f"isolate: {error}") from error
+        for key in ("solver", "tolerance"):
+            if getattr(self, key) is not None and self.scheme != "iterated":
+                raise ValueError(f"{key}: is for the scheme 'iterated', which iterates loops")
+        if self.plan in (GRID, LIST) and self.cases is not None:
+            raise ValueError(f"cases: unknown for the plan {self.plan!r}: its values say how many cases there are")
+        if self.plan not in (GRID, LIST):
+            if self.cases is None:
+                raise ValueError("cases: is missing")
+            if not 1 <= self.cases <= MOST_CASES:
+                raise ValueError(f"cases: expected a whole number from 1 to {MOST_CASES}, got {self.cases}")
+
+
+class _File(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
+    study: _Study
+    runs: dict[str, dict[str, Any]] = msgspec.field(default_factory=lambda: {DEFAULT_RUN: {}})
+    vary: list[Vary] = []
+    correlate: list[Correlation] = []
+    observe: list[Observed] = []
+    signals: Signals | None = None
+    from_: Branch | None = msgspec.field(name="from", default=None)
 
 
 @dataclass(frozen=True)
@@ -251,94 +305,128 @@ class Study:
 
     def error(self, key: str, problem: str) -> StudyError:
         """The error that names the file and a key of [study]."""
-        return StudyError(f"{self.path}, [study], {key}: {problem}")
+        return StudyError(f"{self.path}, study, {key}: {problem}")
 
 
-@dataclass
-class TableReader:
-    """A table; ``place`` names it in messages."""
-
-    place: str
-    table: Mapping[str, Any]
-
-    def error(self, key: str, problem: str) -> StudyError:
-        """The error that names the place and the key."""
-        return StudyError(f"{self.place}, {key}: {problem}")
-
-    def refuse_others(self, known: Collection[str], why: str = "") -> None:
-        """Raises :class:`StudyError` for a key that is not ``known``; ``why`` says when it is not."""
-        for key in self.table:
-            if key not in known:
-                hint = suggest_names(key, known) or f"; known are {', '.join(known)}"
-                raise self.error(key, f"unknown{why}{hint}")
-
-    def __contains__(self, key: str) -> bool:
-        return key in self.table
-
-    def _get(self, key: str, default: object) -> Any:
-        if key in self.table:
-            return self.table[key]
-        if default is _ABSENT:
-            raise self.error(key, f"is missing{suggest_names(key, self.table)}")
-        return default
-
-    def text(self, key: str, default: object = _ABSENT) -> Any:
-        """A text of one line."""
-        value = self._get(key, default)
-        if key in self.table and not _is_line(value):
-            raise self.error(key, f"expected a text of one line, got {value!r}")
-        return value
-
-    def names(self, key: str, default: object = _ABSENT) -> tuple[str, ...]:
-        """A name, or a list of names that differ."""
-        value = self._get(key, default)
-        names = list(value) if isinstance(value, list | tuple) else [value]
-        if key in self.table and (not names or not all(map(_is_line, names)) or len(set(names)) < len(names)):
-            raise self.error(key, f"expected a name, or a list of names that differ, got {value!r}")
-        return tuple(names)
-
-    def choice(self, key: str, choices: Collection[str], default: object = _ABSENT) -> str:
-        """One of a few texts."""
-        value = self._get(key, default)
-        if value not in choices:
-            hint = suggest_names(value, choices) if isinstance(value, str) else ""
-            raise self.error(key, f"expected one of {', '.join(choices)}, got {value!r}{hint}")
-        return str(value)
-
-    def whole(self, key: str, low: int, high: int, default: object = _ABSENT) -> Any:
-        """A whole number from ``low`` to ``high``."""
-        value = self._get(key, default)
-        if key in self.table and (isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high):
-            raise self.error(key, f"expected a whole number from {low} to {high}, got {value!r}")
-        return value
-
-    def flag(self, key: str, default: bool) -> bool:
-        """True or false."""
-        value = self._get(key, default)
-        if not isinstance(value, bool):
-            raise self.error(key, f"expected true or false, got {value!r}")
-        return value
-
-    def number(self, key: str) -> Number:
-        """A number with its unit."""
-        try:
-            return parse_number(self._get(key, _ABSENT))
-        except ValueError as error:
-            raise self.error(key, str(error)) from error
-
-    def time(self, key: str, default: object = _ABSENT, *, positive: bool = True) -> Any:
-        """A time, s; above 0 where it must be positive."""
-        if key not in self.table and default is not _ABSENT:
-            return default
-        number = self.number(key)
-        try:
-            value = number.to("s")
-        except ValueError as error:
-            raise self.error(key, f"expected a time: {error}") from error
-        if value < 0.0 or (positive and value == 0.0):
-            raise self.error(key, f"expected a time above 0 s, got {number}")
-        return value
+def read_study(path: Path) -> Study:
+    """The study of a file.  Raises :class:`StudyError` that names file, table and key."""
+    try:
+        file = read_document(path, _File, _make_value)
+    except SystemFileError as error:
+        raise StudyError(str(error)) from error
+    table = file.study
+    table.put(f"{path}, study")
+    _place(path, file)
+    for one in file.vary:
+        if table.plan in (GRID, LIST) and one.distribution not in (VALUES, STEPS):
+            problem = f"the plan {table.plan!r} needs values, or steps from low to high; got {one.distribution}"
+            raise one.error("distribution", problem)
+    return Study(
+        path=path,
+        name=table.name or path.stem,
+        system=_find(path, table, "system", table.system),
+        fmus=None,
+        duration_s=float(table.duration),
+        step_s=float(table.step or DEFAULT_STEP_S),
+        states_step=table.step is not None,
+        scheme=_read_scheme(table),
+        parameters=tuple(_find(path, table, "parameters", Path(name)) for name in table.parameters),
+        requirements=table.requirements and _find(path, table, "requirements", table.requirements),
+        plan=table.plan,
+        cases=table.cases,
+        seed=table.seed,
+        seeds=table.seeds or (COMMON if table.plan in (SOBOL_INDICES, MORRIS) else INDEPENDENT),
+        runs=_check_runs(path, file.runs),
+        varied=tuple(file.vary),
+        correlations=tuple(file.correlate),
+        observed=tuple(file.observe),
+        timeout_s=None if table.timeout is None else float(table.timeout),
+        isolation=_read_isolation(table),
+        signals=file.signals,
+        faults=table.faults and _find(path, table, "faults", table.faults),
+        inputs=table.inputs and _find(path, table, "inputs", table.inputs),
+        outside=table.outside,
+        branch=None if file.from_ is None else _find_checkpoint(path, file.from_),
+    )
 
 
-def _is_line(value: object) -> bool:
-    return isinstance(value, str) and bool(value.strip()) and value.isprintable()
+def _make_value(kind: type, given: Any) -> Any:
+    return Path(make_value(Line, given)) if kind is Path else make_value(kind, given)
+
+
+def _place(path: Path, file: _File) -> None:
+    """Have all tables know their places; their names have to differ, and those of correlations to be there."""
+    names: set[str] = set()
+    for place, vary in enumerate(file.vary):
+        vary.put(f"{path}, vary[{place}] ({vary.name})")
+        if vary.name in names:
+            raise vary.error("name", f"there is another [[vary]] {vary.name!r}: give one of them a name of its own")
+        names.add(vary.name)
+    if not names:
+        raise StudyError(f"{path}: nothing is varied: expected tables [[vary]]")
+    for place, group in enumerate(file.correlate):
+        group.put(f"{path}, correlate[{place}]")
+        for name in group.parameters:
+            if name not in names:
+                raise group.error("parameters", f"{name!r} is no [[vary]]; there are {', '.join(sorted(names))}")
+    for place, observed in enumerate(file.observe):
+        observed.put(f"{path}, observe[{place}]")
+    for key, table in (("signals", file.signals), ("from", file.from_)):
+        if table is not None:
+            table.put(f"{path}, {key}")
+
+
+def _find(study: Path, table: _Study, key: str, name: Path) -> Path:
+    """A file that the study names: beside the study, or one of ps_fmu."""
+    own = study.parent / name
+    found = own if own.exists() else find_file(name)
+    if found.is_dir() and key == "system":
+        found = find_description(found)
+    if not found.is_file() and key == "system":
+        found = find_product().system / name
+    if not found.is_file():
+        raise table.error(key, f"there is no file {own}, and ps_fmu has none of this name")
+    return found.absolute()
+
+
+def _find_checkpoint(study: Path, branch: Branch) -> Branch:
+    """The branch with the path of its checkpoint: beside the study, or in the current folder."""
+    beside, here = study.parent / branch.checkpoint, branch.checkpoint
+    if not beside.exists() and not here.exists():
+        raise branch.error("checkpoint", f"there is no {beside}, and no {here.absolute()}")
+    branch.checkpoint = (beside if beside.exists() else here).absolute()
+    return branch
+
+
+def _read_scheme(table: _Study) -> Scheme:
+    default = Iteration()
+    try:
+        return Scheme(
+            table.scheme, table.extrapolate, {name: read_rate(str(rate)) for name, rate in table.rates.items()},
+            Iteration(table.solver or default.method, table.tolerance or default.relative), table.error_estimate,
+        )  # fmt: skip
+    except UsageError as error:
+        what, _, problem = str(error).partition(": ")
+        raise table.error({"extrapolation": "extrapolate", "rate": "rates"}.get(what, what), problem) from error
+
+
+def _read_isolation(table: _Study) -> Isolation | None:
+    timeout = None if table.step_timeout is None else float(table.step_timeout)
+    try:
+        return make_isolation(table.isolate, timeout)
+    except UsageError as error:
+        problem = str(error).removeprefix("--step-timeout: ").replace("--isolate", "isolate")
+        raise table.error("step_timeout", problem) from error
+
+
+def _check_runs(path: Path, runs: dict[str, dict[str, Any]]) -> dict[str, dict[str, Value]]:
+    if not runs:
+        raise StudyError(f"{path}, runs: expected tables [runs.NAME] with start values")
+    for run, values in runs.items():
+        if not COMPONENT_NAME.fullmatch(run):
+            raise StudyError(f"{path}, runs.{run}: expected a name of letters, digits and _")
+        for name, value in values.items():
+            if not isinstance(value, bool | int | float | str):
+                problem = 'expected a value; write the name of the parameter in quotes: "isolator.enabled" = true'
+                raise StudyError(f"{path}, runs.{run}, {name}: {problem}")
+    return runs

@@ -12,7 +12,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from ..cosim import Column
 from ..cosim.faults.numbers import change_numbers
 from ..requirements.requirement import read_requirements
 from ..requirements.verdict import format_verdicts
@@ -26,20 +25,26 @@ from ..runs.output import hold_folder, lock_folder
 from ..runs.publish import show_verdict
 from ..runs.setup import RunSystem, identify_fmus
 from ..slavekit.pack.files import write_atomically
-from .bundle import Bundle, Task
-from .case_runner import describe_verdicts, make_records
+from .bundle import Bundle, Identity, explain_difference, read_identity
+from .case_runner import describe_verdicts
 from .factors import names_faults, split_values
-from .indices import IndexRecord, SwitchRecord
-from .loading import choose_fmus, choose_step, list_columns, load_study_system, make_options
+from .observed import CaseRecord, check_size
 from .outcome import collect, find_worst
 from .plan import Plan, make_plan
-from .preparation import check_numbers, check_sources, complete_observed, keep_seeds, make_bundle, read_sources
-from .reading import read_study
-from .rows import DONE, MEASURED, Row, RowStore
-from .signals import FOLDER as SIGNALS
-from .signals import check_free, check_size, list_stored, list_unstored
-from .study import StudyError
-from .study_folder import Identity, explain_difference, read_identity
+from .preparation import (
+    check_numbers,
+    check_sources,
+    choose_fmus,
+    complete_observed,
+    keep_seeds,
+    list_columns,
+    load_study_system,
+    make_bundle,
+    make_options,
+    read_sources,
+)
+from .rows import DONE, MEASURED, SIGNALS, Row, RowStore, check_free, list_stored, list_unstored
+from .study import StudyError, read_study
 
 Count = Callable[[int, int], None]
 """Takes the number of cases of a batch, and how many of these are not done."""
@@ -51,7 +56,7 @@ def check_stored(plan: Plan, system: RunSystem) -> int:
     study, signals = plan.study, plan.study.signals
     if signals is None:
         return 0
-    rows = round(study.duration_s / (signals.step_s or study.step_s)) + 1
+    rows = round(study.duration_s / (signals.step or study.step_s)) + 1
     return check_size(signals, list_columns(plan.study, system), len(plan), len(study.runs), rows)
 
 
@@ -144,8 +149,7 @@ def prepare(options: SweepOptions) -> Prepared:
     Raises :class:`.study.StudyError`, :class:`..cosim.CosimError`, BuildError, OSError.
     """
     study = read_study(options.study)
-    study = choose_step(replace(study, fmus=choose_fmus(study, options.fmus)))
-    system = load_study_system(study)
+    study, system = load_study_system(replace(study, fmus=choose_fmus(study, options.fmus)))
     sources = read_sources(study)
     system = keep_seeds(study, system, sources)
     plan = make_plan(complete_observed(study, system), system)
@@ -227,22 +231,6 @@ def _show_progress(options: SweepOptions, name: str, cases: int, done: int) -> I
         yield report
 
 
-class CaseRecord:
-    """What a run of a case is observed by; its metrics go into the row."""
-
-    def __init__(self, task: Task, columns: tuple[Column, ...]) -> None:
-        self._records = make_records(task, columns)
-
-    @property
-    def observers(self) -> list[IndexRecord | SwitchRecord]:
-        """For the master."""
-        return self._records
-
-    def metrics(self) -> Row:
-        """By name."""
-        return {key: value for record in self._records for key, value in record.metrics().items()}
-
-
 def rerun(options: SweepOptions, case: int) -> str:
     """Run case ``case`` of a study; the text for the terminal.
 
@@ -259,7 +247,7 @@ def rerun(options: SweepOptions, case: int) -> str:
     folder = options.output.absolute()
     identity = read_identity(folder)
     if identity is not None:
-        if difference := explain_difference(vars(identity), prepared.identity):
+        if difference := explain_difference(identity, prepared.identity):
             raise StudyError(f"--output: {folder} has another study: {difference}")
         stored = next(RowStore(folder, identity.plan_sha256).read(case), None)
         folder = folder / f"case-{case}"
@@ -294,7 +282,6 @@ def _run(options: SweepOptions, prepared: Prepared, case: int, folder: Path) -> 
     )  # fmt: skip
     (folder / RESULTS).unlink(missing_ok=True)
     system = prepared.system
-    task = Task(study.step_s, study.duration_s, study.scheme, study.runs, study.observed, {})
     values = prepared.plan.values(case)
     starts, numbers = split_values(values, system.descriptions)
     if system.faults is not None:
@@ -303,7 +290,8 @@ def _run(options: SweepOptions, prepared: Prepared, case: int, folder: Path) -> 
     tables = []
     for run, own in study.runs.items():
         _, record = run_case(
-            system, run_options, Case(run, {**starts, **own}), lambda columns: CaseRecord(task, columns)
+            system, run_options, Case(run, {**starts, **own}),
+            lambda columns: CaseRecord(study.observed, columns, study.step_s),
         )
         metrics = record.metrics()
         row |= {f"{run}.{key}": value for key, value in metrics.items()}

@@ -1,18 +1,11 @@
-from dataclasses import dataclass
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from ps_fmu.results.observers.arrival import ArrivalObserver, LastRow
+from ps_fmu.results.observers.arrival import ArrivalObserver
 
-
-@dataclass(frozen=True)
-class Column:
-    name: str
-    unit: str
-
-
-COLUMNS = [Column("a", "rad"), Column("moving", "1"), Column("b", "m")]
+COLUMNS = [SimpleNamespace(name=name, unit="1") for name in ("a", "moving", "b")]
 STEP = 0.1
 
 
@@ -71,12 +64,3 @@ def test_nothing_moves():
 def test_no_rows():
     with pytest.raises(ValueError, match="no rows"):
         ArrivalObserver(COLUMNS, ["a"], flag="moving", settle_s=1.0).result()
-    with pytest.raises(ValueError, match="no rows"):
-        LastRow(COLUMNS, ["a"]).result()
-
-
-def test_last_row():
-    last = LastRow(COLUMNS, ["b", "a"])
-    for first in (0, 3):
-        last.block(first, np.arange(first, first + 3) * STEP, np.arange(9.0).reshape(3, 3) + first)
-    np.testing.assert_array_equal(last.result(), [11.0, 9.0])

@@ -1,12 +1,15 @@
+"""Mean, RMS, standard deviation, peak, drift."""
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ps_fmu.pointing.rejection import rejection_percent
-from ps_fmu.results.observers.statistics import Statistics
+from ps_fmu.pointing.spectra import rejection_percent
+from ps_fmu.results.observers.statistics import DriftObserver, Statistics
 
 NAMES = ["a.y", "b.u"]
+TIME = np.arange(12_001) * 0.01  # to 120 s
 
 
 def test_statistics_equal_the_direct_computation(columns, feed):
@@ -61,3 +64,42 @@ def test_rejection_of_a_quiet_axis_is_undefined():
 def test_impossible_rms_is_refused(passive, active):
     with pytest.raises(ValueError, match=r"RMS|shape"):
         rejection_percent(passive, active)
+
+
+@pytest.fixture
+def drift(columns, feed):
+    """The drift from 20 to 120 s of two signals, the second one first."""
+
+    def observe(a, b, block=1000):
+        values = np.column_stack(np.broadcast_arrays(a, b, TIME, TIME))
+        observer = DriftObserver(columns, ["a.y", "a.x"], start_s=20.0, end_s=120.0)
+        return feed(observer, values, 0.01, range(block, len(TIME), block)).result()
+
+    return observe
+
+
+def test_a_steady_change_is_found_and_an_offset_is_not(drift):
+    """1e-6 per s: the middles of the halves are 50 s apart."""
+    np.testing.assert_allclose(drift(1e-6 * TIME, 3.0), [0.0, 5e-5], atol=1e-12)
+
+
+@pytest.mark.parametrize("frequency", [0.1, 0.105, 0.25, 5.0])
+@pytest.mark.parametrize("phase", [0.0, 1.0, 2.0])
+def test_lines_of_the_noise_hardly_count(drift, frequency, phase):
+    """Five cycles in a half: each half keeps 1/(5 pi 24) of the amplitude at most; plain means keep 1/(5 pi)."""
+    line = np.sin(2.0 * np.pi * frequency * TIME + phase)
+    assert abs(drift(line, 0.0)[1]) < 2.0 / (np.pi * 5.0 * 24.0)
+
+
+def test_rows_outside_the_window_and_the_cut_into_blocks_do_not_matter(drift):
+    signal = np.random.default_rng(3).normal(size=len(TIME))
+    disturbed = np.where(TIME <= 20.0, 1e3, signal)
+    np.testing.assert_allclose(drift(disturbed, 0.0, block=77), drift(signal, 0.0), rtol=1e-9, atol=1e-15)
+
+
+def test_without_rows_in_both_halves_it_is_not_known(columns):
+    observer = DriftObserver(columns, ["a.x"], start_s=0.0, end_s=100.0)
+    observer.block(0, TIME[:100], np.zeros((100, 4)))
+    assert np.isnan(observer.result()).all()
+    with pytest.raises(ValueError, match="window: expected an end after its start"):
+        DriftObserver(columns, ["a.x"], start_s=1.0, end_s=1.0)

@@ -10,7 +10,7 @@ import pytest
 from support.reports import VERDICTS, make_report
 
 from ps_fmu.results.page import content, writer
-from ps_fmu.results.page.content import Axis, Chart, Curve, encode
+from ps_fmu.results.page.content import Axis, Chart, ChartGroup, Curve, encode
 from ps_fmu.results.report import Report
 
 HOSTILE = '</script><script>alert("&")</script><!-- <img src=x onerror=alert(1)>'
@@ -75,17 +75,17 @@ def test_an_uneven_axis_keeps_its_values():
 @pytest.mark.parametrize("values", [[], [1.0, 1.0], [2.0, 1.0], [[0.0, 1.0]], [0.0, np.nan]])
 def test_an_axis_ascends(values):
     with pytest.raises(ValueError, match="expected ascending values"):
-        Axis("time", "s", np.array(values)).pack()
+        Axis("time", "s", np.array(values))
 
 
 def test_a_logarithmic_axis_is_above_zero():
     with pytest.raises(ValueError, match="expected values above 0, got 0"):
-        Axis("frequency", "Hz", np.arange(3.0), logarithmic=True).pack()
+        Axis("frequency", "Hz", np.arange(3.0), logarithmic=True)
 
 
 def test_curves_fit_their_axis_and_have_known_colours():
     with pytest.raises(ValueError, match="chart 'a': expected 3 values of 'b'"):
-        Chart("a", "m", [Curve("b", "x", np.zeros(4))]).pack(3)
+        ChartGroup("", "", Axis("c", "s", np.arange(3.0)), [Chart("a", "m", [Curve("b", "x", np.zeros(4))])])
     with pytest.raises(ValueError, match=r"curve 'b': expected a colour of passive, .*, got 'red; url"):
         Curve("b", "red; url(x)", np.zeros(4))
 
@@ -103,7 +103,7 @@ def test_hostile_names_end_no_script_and_start_none():
     assert data[0] == {"type": "application/json", "id": "data"}
     assert library[0] == own[0] == {}
     assert reader.handlers == [] and "img" not in reader.tags
-    groups = json.loads(data[1])["groups"]
+    groups = json.loads(data[1])["charts"]
     assert groups[0]["charts"][0]["title"] == f"{HOSTILE} x"
     assert not set("<>&'") & set(data[1])
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-from ps_fmu.slavekit.author.layout import BufferLayout
+from ps_fmu.slavekit.author.buffer import BufferLayout
 from support.fmi_calls.session import INSTANCES
 from support.fmi_calls.states import Mutation, sealed
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable
 
-from ps_fmu.slavekit.author.state import SlaveState, Unreadable, to_bytes
+from ps_fmu.slavekit.author.guard import Unreadable
+from ps_fmu.slavekit.author.state import SlaveState, to_bytes
 from support.fmi_calls.caller import Answer, text
 from support.fmi_calls.comparison import Comparison
 from support.fmi_calls.twin import Twin

@@ -10,14 +10,15 @@ import subprocess
 import sys
 import zipfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ps_fmu.cosim import Master, Scheme, System, read_system
+from ps_fmu.cosim import Scheme, System, read_system
 from ps_fmu.native.build import find_fmi_headers
+from support.cosim import Collect, simulate
 
 HERE = Path(__file__).parent
 Array = np.ndarray
@@ -252,32 +253,10 @@ def make_light() -> Coupled:
     return make_added_mass(0.5)
 
 
-@dataclass
-class Keep:
-    """Observer that keeps all rows by the names of the columns."""
-
-    names: Sequence[str]
-    blocks: list[Array] = field(default_factory=list)
-    times: list[Array] = field(default_factory=list)
-
-    def block(self, first_index: int, time: Array, values: Array) -> None:
-        """Take a block of rows."""
-        self.times.append(time.copy())
-        self.blocks.append(values.copy())
-
-    def __getitem__(self, name: str) -> Array:
-        return np.concatenate(self.blocks)[:, list(self.names).index(name)]
-
-    @property
-    def time(self) -> Array:
-        """Times [s]."""
-        return np.concatenate(self.times)
+Keep = Collect
+"""Observer that keeps all rows by the names of the columns."""
 
 
 def run(system: System, scheme: str | Scheme, h: float = 0.01, end: float = 2.0, **options: Any) -> Keep:
     """All rows of a run with steps of ``h`` up to ``end`` [s]; options as of the master."""
-    with Master(system, h, scheme, **options) as master:
-        rows = Keep([column.name for column in master.columns])
-        master.initialise()
-        master.run(end, [rows])
-    return rows
+    return simulate(system, h, end, scheme, **options)

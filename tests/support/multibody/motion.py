@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ps_fmu.mechanism.dynamics import Pose
-from ps_fmu.mechanism.parameters import CoarseServo
 from support.multibody.linear import BASE, COARSE, FINE
 from support.multibody.multibody import Prototype
 
 Array = NDArray[np.float64]
-CoarseLaw = Callable[[float, Array, Array], Array]
-"""Accelerations of the coarse legs, m/s2, from time, displacement from nominal (m) and its rate; (3,) each."""
 
 # The integrator's state: base position and quaternion, leg lengths (fine, coarse), independent velocities.
 POSITION, QUATERNION, LENGTHS, RATES = slice(0, 3), slice(3, 7), slice(7, 13), slice(13, 25)
@@ -30,30 +26,12 @@ class Motion:
     v: Array  # (n, nv) velocities
 
 
-def locked(time: float, displacement: Array, rate: Array) -> Array:
-    """Coarse legs that do not move."""
-    return np.zeros(3)
-
-
-def following(reference: Callable[[float], Array], servo: CoarseServo) -> CoarseLaw:
-    """Coarse legs whose servos follow a reference: displacement (3,), m, of time, s."""
-    omega = 2.0 * np.pi * servo.frequency
-
-    def law(time: float, displacement: Array, rate: Array) -> Array:
-        return np.asarray(omega**2 * (reference(time) - displacement) - 2.0 * servo.damping_ratio * omega * rate)
-
-    return law
-
-
-def simulate(
-    prototype: Prototype, pose: Pose, rates: Array, coarse: CoarseLaw, time: Array, tolerance: float = 1e-10
-) -> Motion:
-    """Free motion from a pose of the platform in the base.
+def simulate(prototype: Prototype, pose: Pose, rates: Array, time: Array, tolerance: float = 1e-10) -> Motion:
+    """Free motion from a pose of the platform in the base, the coarse legs locked.
 
     Parameters
     ----------
     rates: (12,) independent velocities at the start, in the order of :class:`.linear.LinearModel`.
-    coarse: how the coarse legs move.
     time: (n,) s, ascending from 0, when the motion is wanted.
     tolerance: relative, of the integrator; absolute likewise, in m, rad, m/s and rad/s.
 
@@ -63,7 +41,6 @@ def simulate(
     """
     from scipy.integrate import solve_ivp
 
-    nominal = prototype.parameters.manipulator.geometry.nominal_lengths[:3]
     near = prototype.configuration(pose)
 
     def configuration(y: Array) -> Array:
@@ -77,14 +54,13 @@ def simulate(
         base_rotation, _ = prototype.rotations(q)
         forward, turn = w[BASE][:3], w[BASE][3:]  # m/s, rad/s; axes of B
         vector, scalar = y[QUATERNION][:3], y[QUATERNION][3]
-        coarse_accelerations = coarse(t, y[LENGTHS][3:] - nominal, w[COARSE])
         rates = [
             base_rotation @ forward,
             0.5 * (scalar * turn + np.cross(vector, turn)),
             [-0.5 * vector @ turn],
             w[FINE],
             w[COARSE],
-            prototype.accelerations(q, v, np.zeros(3), coarse_accelerations),
+            prototype.accelerations(q, v, np.zeros(3), np.zeros(3)),
         ]
         return np.concatenate(rates)
 

@@ -17,7 +17,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -36,26 +35,6 @@ CLOSED = 1e-13  # m; the loops count as closed
 LARGEST_ITERATIONS = 20
 
 
-class NotInstalledError(ImportError):
-    """The multibody library is not there."""
-
-
-def pinocchio() -> ModuleType:
-    """The library.
-
-    Raises
-    ------
-    NotInstalledError: with the command that installs it.
-    """
-    try:
-        import pinocchio as library
-    except ImportError as error:
-        raise NotInstalledError(
-            "the multibody prototype needs Pinocchio (package pin): pip install -c constraints.txt -e '.[verify]'"
-        ) from error
-    return library
-
-
 class Prototype:
     """The multibody system.
 
@@ -70,7 +49,9 @@ class Prototype:
     """
 
     def __init__(self, parameters: Parameters, leg_radius: float = 0.0) -> None:
-        self._pin = pin = pinocchio()
+        import pinocchio as pin
+
+        self._pin = pin
         self.parameters = parameters
         self.leg_radius = leg_radius
         geometry = parameters.manipulator.geometry

@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
 
+from fmpy.model_description import ModelDescription
+
+from ..clock import count_steps
+from ..description import read_description
 from ..errors import SystemFileError, UsageError
-from ..osp.reading import OSP_NAME, read_osp
-from ..structure import Experiment, Parameter, System
-from ..values import parse_real
+from ..structure import Component, Experiment, Parameter, PortName, System, SystemInput
+from ..values import End, parse_real
 from ..xmlfile import Element, read_xml
-from .dialect import get_only_child
 from .flatten import flatten
+from .osp import OSP_NAME, read_osp
+from .parameters import read_parameters
+from .rules import get_only_child, read_number
 from .sources import SSD_NAME, Sources
 from .ssd import FMU_TYPE, PARAMETER_TYPE, SsdReader
-from .ssv import read_parameters
 
 __all__ = ["FMU_TYPE", "PARAMETER_TYPE", "SSD_NAME", "System", "list_fmu_files", "read_parameters", "read_system"]
 
@@ -118,7 +123,7 @@ def _read_experiment(reader: SsdReader, top: Element) -> Experiment:
     step = _read_step(reader, top, "org.openmodelica", "oms:Annotations", "oms:SimulationInformation")
     if element is None:
         return Experiment(step=step)
-    times = {name: _read_number(reader, element, name) for name in ("startTime", "stopTime")}
+    times = {name: read_number(element, name, reader.ssd) for name in ("startTime", "stopTime")}
     start, stop = times["startTime"] or 0.0, times["stopTime"]
     if stop is not None and stop <= start:
         raise reader.make_error(f"the stop time {stop} s is not after the start time {start} s", element)
@@ -136,16 +141,71 @@ def _read_step(reader: SsdReader, parent: Element, kind: str, *tags: str) -> flo
         for tag, name in _STEPS.items():
             algorithm = annotation.descendant(*tags, tag)
             if annotation.attributes.get("type") == kind and algorithm is not None:
-                step = _read_number(reader, algorithm, name)
+                step = read_number(algorithm, name, reader.ssd)
                 if step is None or step <= 0.0:
                     raise reader.make_error(f"{name} must be a positive number of seconds", algorithm)
                 return step
     return None
 
 
-def _read_number(reader: SsdReader, element: Element, name: str) -> float | None:
-    text = element.attributes.get(name)
-    value = None if text is None else parse_real(text)
-    if text is not None and value is None:
-        raise reader.make_error(f"{name}: expected a finite number, got {text!r}", element)
-    return value
+# ---- a single FMU, and what an experiment does not state ------------------------------------------------------------
+
+
+def read_any_system(
+    path: Path, resources: Path | None = None, *, outside: bool = False, values: Sequence[Mapping[str, Parameter]] = ()
+) -> System:
+    """A system as ``ps-fmu run`` takes it: a single FMU, or what :func:`.reading.read_system` reads, leniently."""
+    if path.suffix.lower() == ".fmu":
+        return read_single(path, values)
+    return read_system(path, resources, outside=outside, lenient=True, values=values)
+
+
+def read_single(fmu: Path, values: Sequence[Mapping[str, Parameter]] = ()) -> System:
+    """A system with one component, called as the model is; it starts when the FMU's default experiment does.
+
+    ``values``: start values by ``variable`` or ``component.variable``; later ones win.  Raises
+    :class:`SystemFileError` if the FMU cannot be read.
+    """
+    description = read_description(fmu, lenient=True)
+    name = description.coSimulation.modelIdentifier
+    prefix = f"{name}."
+    variables = {variable.name for variable in description.modelVariables}
+    given = {
+        key if key in variables else key.removeprefix(prefix): value for one in values for key, value in one.items()
+    }
+    inputs = tuple(
+        SystemInput(variable.name, End(), ((PortName(name, variable.name), ()),), 0)
+        for variable in description.modelVariables
+        if variable.causality == "input"
+    )
+    component = Component(name, Path(fmu).absolute(), (), given, 0)
+    own = description.defaultExperiment
+    start = None if own is None else _read_time(own.startTime)
+    return System(Path(fmu), (component,), (), Experiment(start or 0.0), labels={"name": name}, inputs=inputs)
+
+
+def complete_experiment(system: System, descriptions: Mapping[str, ModelDescription]) -> Experiment:
+    """The default experiment of a system, with what it does not state from those of its FMUs.
+
+    The smallest of their steps is the communication step, and the latest of their stop times the end.
+    """
+    stated = system.experiment
+    own = [d.defaultExperiment for d in descriptions.values() if d.defaultExperiment is not None]
+    steps = [step for e in own if (step := _read_time(e.stepSize)) is not None and step > 0.0]
+    stops = [stop for e in own if (stop := _read_time(e.stopTime)) is not None and stop > stated.start_time]
+    step = min(steps, default=None) if stated.step is None else stated.step
+    stop = max(stops, default=None) if stated.stop_time is None else stated.stop_time
+    return replace(stated, step=step, stop_time=stop)
+
+
+def fit_duration(duration: float, step: float) -> float:
+    """The longest whole number of steps within a duration [s], at least one; one too long to count stays."""
+    if not math.isfinite(duration / step):
+        return duration
+    count = count_steps(duration, step) or max(1, int(duration / step))
+    return count * step
+
+
+def _read_time(text: str | None) -> float | None:
+    """A time [s] that an FMU states; None for what is no finite number, as a description that breaks rules may have."""
+    return None if text is None else parse_real(str(text))

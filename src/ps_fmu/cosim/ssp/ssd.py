@@ -15,11 +15,9 @@ from ..errors import SystemFileError
 from ..structure import Connector, Parameter
 from ..values import End, Hop, Items, Unit, parse_real
 from ..xmlfile import MAXIMUM_BYTES, Element, parse_xml, read_xml
-from .definitions import read_items, read_units
-from .dialect import check_element, check_version, get_only_child, get_type, is_type
-from .mapping import apply_mapping, read_hop
+from .parameters import apply_mapping, read_hop, read_items, read_parameter_set, read_units
+from .rules import check_element, check_version, get_only_child, get_type, is_type, list_checked
 from .sources import DEEPEST, MOST_CONNECTORS, MOST_ELEMENTS, MOST_SYSTEMS, SSD_NAME, Sources
-from .ssv import read_parameter_set
 
 FMU_TYPE = "application/x-fmu-sharedlibrary"
 SSD_TYPE = "application/x-ssp-definition"
@@ -117,11 +115,10 @@ class SsdReader:
     def read_system(self, element: Element) -> SystemNode:
         """A system and all in it."""
         check_element(element, self.ssd)
-        group = get_only_child(element, "ssd:Elements", self.ssd)
         self.sources.depth += 1
         if self.sources.depth > MOST_SYSTEMS:
             raise self.make_error(f"more than {MOST_SYSTEMS} systems lie in one another", element)
-        children = [self._read_child(child) for child in group.children] if group is not None else []
+        children = [self._read_child(child) for child in list_checked(element, "ssd:Elements", self.ssd)]
         self.sources.depth -= 1
         self._check_unique([(child.name, child.line) for child in children], "component")
         return SystemNode(
@@ -132,7 +129,6 @@ class SsdReader:
         )
 
     def _read_child(self, element: Element) -> Node:
-        check_element(element, self.ssd)
         name = element.attributes["name"]
         self.sources.elements += 1
         if self.sources.elements > MOST_ELEMENTS:
@@ -216,8 +212,7 @@ class SsdReader:
         self, element: Element, name: str, fmu: Path | None = None
     ) -> tuple[str, int, Path, str, dict[str, Connector], tuple[Mapping[str, Parameter], ...]]:
         """What all elements have, in the order of :class:`Node`."""
-        group = get_only_child(element, "ssd:Connectors", self.ssd)
-        connectors = [self._read_connector(child) for child in group.children] if group is not None else []
+        connectors = [self._read_connector(child) for child in list_checked(element, "ssd:Connectors", self.ssd)]
         self.sources.connectors += len(connectors)
         if self.sources.connectors > MOST_CONNECTORS:
             raise self.make_error(f"the system has more than {MOST_CONNECTORS} connectors", element)
@@ -234,7 +229,6 @@ class SsdReader:
             seen[name] = line
 
     def _read_connector(self, element: Element) -> Connector:
-        check_element(element, self.ssd)
         name, kind = element.attributes["name"], element.attributes["kind"]
         if kind not in KINDS:
             raise self.make_error(f"connector {name!r}: kind {kind!r} is none of {', '.join(KINDS)}", element)
@@ -256,10 +250,8 @@ class SsdReader:
         return End(kind, unit, items.get(given.get("name", "")) if kind == "Enumeration" else None)
 
     def _read_wires(self, system: Element) -> list[Wire]:
-        group = get_only_child(system, "ssd:Connections", self.ssd)
         wires = []
-        for element in group.children if group is not None else ():
-            check_element(element, self.ssd)
+        for element in list_checked(system, "ssd:Connections", self.ssd):
             given = element.attributes
             # OMSimulator writes an empty name for the system itself.
             start, end = ((given.get(f"{side}Element") or None, given[f"{side}Connector"]) for side in ("start", "end"))
@@ -270,10 +262,8 @@ class SsdReader:
     # ---- signal dictionaries and parameters --------------------------------------------------------------
 
     def _read_dictionaries(self, system: Element) -> dict[str, Mapping[str, End]]:
-        group = get_only_child(system, "ssd:SignalDictionaries", self.ssd)
         found: dict[str, Mapping[str, End]] = {}
-        for element in group.children if group is not None else ():
-            check_element(element, self.ssd)
+        for element in list_checked(system, "ssd:SignalDictionaries", self.ssd):
             name, inline = element.attributes["name"], element.find("ssb:SignalDictionary")
             if element.attributes.get("type", DICTIONARY_TYPE) != DICTIONARY_TYPE:
                 raise self.make_error(f"signal dictionary {name!r}: the type must be {DICTIONARY_TYPE!r}", element)
@@ -304,11 +294,10 @@ class SsdReader:
 
     def _read_bindings(self, element: Element, fmu: Path | None) -> tuple[Mapping[str, Parameter], ...]:
         """The parameter bindings of an element, in their order: a later one replaces an earlier one."""
-        group = get_only_child(element, "ssd:ParameterBindings", self.ssd)
-        return tuple(self._read_binding(binding, fmu) for binding in (group.children if group is not None else ()))
+        bindings = list_checked(element, "ssd:ParameterBindings", self.ssd)
+        return tuple(self._read_binding(binding, fmu) for binding in bindings)
 
     def _read_binding(self, binding: Element, fmu: Path | None) -> dict[str, Parameter]:
-        check_element(binding, self.ssd)
         given = binding.attributes
         if given.get("type", PARAMETER_TYPE) != PARAMETER_TYPE:
             raise self.make_error(f"a parameter binding must be of type {PARAMETER_TYPE!r}", binding)

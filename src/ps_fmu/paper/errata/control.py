@@ -12,7 +12,7 @@ from ...theory.small_gain import nominal_complement
 from ...theory.transfer_matrices import Complex
 from ..bus_cases import assemble_nominal
 from ..figures.fig06 import CLAIMED_LIMIT, compute_reach
-from ..figures.fig10.results import judge
+from ..figures.fig10.closed_form import judge
 from ..published import published_numbers
 from . import case
 from .erratum import Erratum, relative_error

@@ -19,18 +19,13 @@ Matrix = NDArray[np.inexact[Any]]
 class Erratum:
     """A place where the paper is wrong or can be misread."""
 
-    equation: str
-    """Number or name of the place."""
+    equation: str  # number or name of the place
     printed: str
     right: str
-    evidence: str
-    """What both forms were compared with, and what came out."""
-    error_right: float | None = None
-    """Error of the right form, in ``unit``; None where no number belongs to it."""
-    error_printed: float | None = None
-    """The same of the printed form."""
-    unit: str = ""
-    """Of the errors; empty: they are relative."""
+    evidence: str  # what both forms were compared with, and what came out
+    error_right: float | None = None  # error of the right form, in ``unit``; None where no number belongs to it
+    error_printed: float | None = None  # the same of the printed form
+    unit: str = ""  # of the errors; empty: they are relative
 
 
 BY_READING = "by reading"

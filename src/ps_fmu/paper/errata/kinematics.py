@@ -17,7 +17,7 @@ from ...mechanism.rotations import rotation_from_vector, rotation_matrix
 from ...theory.transfer_matrices import Nominal
 from ..bus_cases import assemble_nominal
 from ..figures.fig06 import compute_reach
-from ..figures.fig07.results import EPSILON_AS_PUBLISHED
+from ..figures.fig07.runs import EPSILON_AS_PUBLISHED
 from ..figures.table2.closed_form import ORIENTATIONS
 from ..published import published_numbers
 from . import case

@@ -7,20 +7,21 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from itertools import combinations
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...analyses.finding import Finding
 from ...analyses.options import AnalysisOptions
-from ...analyses.result import AnalysisResult
+from ...analyses.result import AnalysisResult, paint_pictures
 from ...mechanism.parameters import Array, load
-from ...results.report import Picture
-from ...results.style import ACTIVE, PASSIVE, REFERENCE, draw
+from ...results.style import ACTIVE, PASSIVE, REFERENCE
 from ...results.tables import Table
 from .. import workspace
 from ..published import ANGLES, make_finding
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 CLAIMED_LIMIT = 8.5  # deg, exceeded in every direction by section 4.1
 
@@ -30,22 +31,15 @@ class Reach:
     """How far the platform turns: angles in deg."""
 
     surface: workspace.Sample
-    limits: Array
-    """(3, 2), smallest and largest roll, pitch, yaw over the workspace."""
-    pure: Array
-    """(3, 2), the same with the other two angles at zero."""
-    cube: float
-    """Half the edge of the largest cube of roll, pitch and yaw."""
-    azimuth: Array
-    """(n,), direction in which the boresight tilts, from x towards y of B."""
-    tilt: Array
-    """(n,), largest tilt in that direction without twist."""
-    cone: float
-    """Half-angle of the largest cone of boresights without twist."""
+    limits: Array  # (3, 2), smallest and largest roll, pitch, yaw over the workspace
+    pure: Array  # (3, 2), the same with the other two angles at zero
+    cube: float  # half the edge of the largest cube of roll, pitch and yaw
+    azimuth: Array  # (n,), direction in which the boresight tilts, from x towards y of B
+    tilt: Array  # (n,), largest tilt in that direction without twist
+    cone: float  # half-angle of the largest cone of boresights without twist
     rim_azimuth: Array
     """(m,), the same along the closed rim of all boresights, each with the twist that lets it tilt farthest."""
-    rim_tilt: Array
-    """(m,), tilt of these boresights."""
+    rim_tilt: Array  # (m,), tilt of these boresights
 
     @property
     def cone_with_free_twist(self) -> float:
@@ -81,19 +75,24 @@ def round_down(angle: float) -> str:
 def analyse(options: AnalysisOptions) -> AnalysisResult:
     """Compute the workspace and draw it."""
     reach = compute_reach()
-    envelope, cone = options.output / "workspace.png", options.output / "workspace_cone.png"
-    draw_envelope(envelope, reach)
-    draw_cone(cone, reach)
     return AnalysisResult(
         name="workspace",
         title="Workspace: Table 1 and Fig 6",
         text=paragraphs(reach),
         findings=findings(reach),
         tables=tables(reach),
-        pictures=[
-            Picture(envelope, "The surface of the workspace, coloured by the condition number of the Jacobian."),
-            Picture(cone, "How far the boresight can be tilted in each direction, with and without a twist about it."),
-        ],
+        pictures=paint_pictures(
+            options.output,
+            "workspace",
+            (
+                "", "The surface of the workspace, coloured by the condition number of the Jacobian.",
+                (11.0, 13.0), paint_envelope, reach,
+            ),
+            (
+                "cone", "How far the boresight can be tilted in each direction, with and without a twist about it.",
+                (8.0, 8.6), paint_cone, reach,
+            ),
+        ),
         data={
             "limits_deg": dict(zip(ANGLES, reach.limits, strict=True)),
             "limits_of_one_angle_alone_deg": dict(zip(ANGLES, reach.pure, strict=True)),
@@ -102,7 +101,7 @@ def analyse(options: AnalysisOptions) -> AnalysisResult:
             "cone_with_free_twist_deg": reach.cone_with_free_twist,
             "condition_number": [float(reach.surface.condition.min()), float(reach.surface.condition.max())],
         },
-    )
+    )  # fmt: skip
 
 
 def findings(reach: Reach) -> list[Finding]:
@@ -140,34 +139,28 @@ def paragraphs(reach: Reach) -> list[str]:
 
 
 def tables(reach: Reach) -> list[Table]:
-    """All tables."""
-    return [_range_table(reach), _conditioning_table(reach)]
-
-
-def _range_table(reach: Reach) -> Table:
-    rows = [
+    """The range of each angle, and the conditioning of the Jacobian."""
+    ranges = [
         (angle, *(f"{value:+.3f}" for value in (*reach.limits[i], *reach.pure[i]))) for i, angle in enumerate(ANGLES)
     ]
-    header = ("angle (deg)", "smallest", "largest", "smallest alone", "largest alone")
-    return Table("Range of each angle: over the workspace, and with the other two at zero", header, rows)
-
-
-def _conditioning_table(reach: Reach) -> Table:
     values, condition = reach.surface.singular_values, reach.surface.condition
-    rows = [(f"singular value {i + 1}", f"{values[:, i].min():.4f}", f"{values[:, i].max():.4f}") for i in range(6)]
-    rows.append(("condition number", f"{condition.min():.3f}", f"{condition.max():.3f}"))
-    return Table(
-        "Jacobian J_lp (6) over the surface, rotations as arc at the platform joints",
-        ("", "smallest", "largest"),
-        rows,
-    )
+    sizes = [(f"singular value {i + 1}", f"{values[:, i].min():.4f}", f"{values[:, i].max():.4f}") for i in range(6)]
+    sizes.append(("condition number", f"{condition.min():.3f}", f"{condition.max():.3f}"))
+    return [
+        Table(
+            "Range of each angle: over the workspace, and with the other two at zero",
+            ("angle (deg)", "smallest", "largest", "smallest alone", "largest alone"),
+            ranges,
+        ),
+        Table(
+            "Jacobian J_lp (6) over the surface, rotations as arc at the platform joints",
+            ("", "smallest", "largest"),
+            sizes,
+        ),
+    ]
 
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-
-def draw_envelope(path: Path, reach: Reach) -> None:
+def paint_envelope(figure: Figure, reach: Reach) -> None:
     """The surface in three dimensions, and its three projections with the largest cube."""
     from matplotlib import colormaps
     from matplotlib.cm import ScalarMappable
@@ -177,30 +170,26 @@ def draw_envelope(path: Path, reach: Reach) -> None:
     condition = reach.surface.condition
     scale = Normalize(condition.min(), condition.max())
     colours = ScalarMappable(scale, colormaps["viridis"])
-
-    def paint(figure: Figure) -> None:
-        parts: Any = figure.subfigures(2, 1, height_ratios=(1.9, 1.0))
-        upper, lower = parts
-        space = upper.add_subplot(projection="3d")
-        for face in _faces(reach.surface.coarse_displacement):
-            space.plot_surface(
-                *np.moveaxis(angles[face], -1, 0), facecolors=colours.to_rgba(condition[face]),
-                rstride=1, cstride=1, shade=False, linewidth=0.2, edgecolor="#00000040",
-            )  # fmt: skip
-        space.set(xlabel="roll (deg)", ylabel="pitch (deg)", zlabel="yaw (deg)")
-        space.xaxis.labelpad = space.yaxis.labelpad = 12.0
-        space.view_init(elev=22.0, azim=-52.0)
-        space.set_box_aspect((1.0, 1.0, 1.0), zoom=0.95)
-        upper.colorbar(colours, ax=space, label="condition number of the Jacobian", shrink=0.7, pad=0.08)
-        a = reach.cube
-        for axes, (i, j) in zip(lower.subplots(1, 3), combinations(range(3), 2), strict=True):
-            axes.scatter(angles[:, i], angles[:, j], color=REFERENCE, s=1.5, label="surface")
-            axes.plot([-a, a, a, -a, -a], [-a, -a, a, a, -a], color=PASSIVE, label=f"largest cube, ±{a:.1f} deg")
-            axes.set(xlabel=f"{ANGLES[i]} (deg)", ylabel=f"{ANGLES[j]} (deg)", aspect="equal")
-        lower.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=2, markerscale=4.0)
-        figure.suptitle("Workspace with the fine legs at nominal length")
-
-    draw(path, 11.0, 13.0, paint)
+    parts: Any = figure.subfigures(2, 1, height_ratios=(1.9, 1.0))
+    upper, lower = parts
+    space = upper.add_subplot(projection="3d")
+    for face in _faces(reach.surface.coarse_displacement):
+        space.plot_surface(
+            *np.moveaxis(angles[face], -1, 0), facecolors=colours.to_rgba(condition[face]),
+            rstride=1, cstride=1, shade=False, linewidth=0.2, edgecolor="#00000040",
+        )  # fmt: skip
+    space.set(xlabel="roll (deg)", ylabel="pitch (deg)", zlabel="yaw (deg)")
+    space.xaxis.labelpad = space.yaxis.labelpad = 12.0
+    space.view_init(elev=22.0, azim=-52.0)
+    space.set_box_aspect((1.0, 1.0, 1.0), zoom=0.95)
+    upper.colorbar(colours, ax=space, label="condition number of the Jacobian", shrink=0.7, pad=0.08)
+    a = reach.cube
+    for axes, (i, j) in zip(lower.subplots(1, 3), combinations(range(3), 2), strict=True):
+        axes.scatter(angles[:, i], angles[:, j], color=REFERENCE, s=1.5, label="surface")
+        axes.plot([-a, a, a, -a, -a], [-a, -a, a, a, -a], color=PASSIVE, label=f"largest cube, ±{a:.1f} deg")
+        axes.set(xlabel=f"{ANGLES[i]} (deg)", ylabel=f"{ANGLES[j]} (deg)", aspect="equal")
+    lower.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=2, markerscale=4.0)
+    figure.suptitle("Workspace with the fine legs at nominal length")
 
 
 def _faces(displacement: np.ndarray) -> Iterator[np.ndarray]:
@@ -212,7 +201,7 @@ def _faces(displacement: np.ndarray) -> Iterator[np.ndarray]:
             yield places.reshape(n, n)
 
 
-def draw_cone(path: Path, reach: Reach) -> None:
+def paint_cone(figure: Figure, reach: Reach) -> None:
     """How far the boresight can be tilted, seen along z of B: direction and distance are those of the tilt."""
     all_round = np.linspace(0.0, 360.0, 361)
     cones = ((reach.cone, PASSIVE), (CLAIMED_LIMIT, REFERENCE), (reach.cone_with_free_twist, ACTIVE))
@@ -221,19 +210,15 @@ def draw_cone(path: Path, reach: Reach) -> None:
         f"{CLAIMED_LIMIT:g} deg of the paper",
         f"any direction, best twist: {round_down(reach.cone_with_free_twist)} deg",
     )
-
-    def paint(figure: Figure) -> None:
-        axes = figure.add_subplot()
-        axes.plot(*_close_curve(reach.rim_azimuth, reach.rim_tilt), color=ACTIVE, linewidth=2.4, label="best twist")
-        axes.plot(*_close_curve(reach.azimuth, reach.tilt), color=PASSIVE, linewidth=2.4, label="no twist")
-        for (tilt, colour), label in zip(cones, labels, strict=True):
-            circle = _close_curve(all_round, np.full_like(all_round, tilt))
-            axes.plot(*circle, color=colour, linestyle="--", linewidth=1.2, label=label)
-        axes.set(xlabel="tilt towards x of B (deg)", ylabel="tilt towards y of B (deg)", aspect="equal")
-        axes.set_title("Largest tilt of the boresight, by direction")
-        figure.legend(loc="outside lower center", ncols=2)
-
-    draw(path, 8.0, 8.6, paint)
+    axes = figure.add_subplot()
+    axes.plot(*_close_curve(reach.rim_azimuth, reach.rim_tilt), color=ACTIVE, linewidth=2.4, label="best twist")
+    axes.plot(*_close_curve(reach.azimuth, reach.tilt), color=PASSIVE, linewidth=2.4, label="no twist")
+    for (tilt, colour), label in zip(cones, labels, strict=True):
+        circle = _close_curve(all_round, np.full_like(all_round, tilt))
+        axes.plot(*circle, color=colour, linestyle="--", linewidth=1.2, label=label)
+    axes.set(xlabel="tilt towards x of B (deg)", ylabel="tilt towards y of B (deg)", aspect="equal")
+    axes.set_title("Largest tilt of the boresight, by direction")
+    figure.legend(loc="outside lower center", ncols=2)
 
 
 def _close_curve(azimuth: np.ndarray, tilt: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

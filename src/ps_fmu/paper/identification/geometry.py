@@ -108,10 +108,8 @@ class Candidate:
 
     places: Array
     """(10,), of its parameters in :data:`RANGES`."""
-    stroke: Array
-    """(2,), m."""
-    condition: float
-    """Largest condition number of the Jacobian over the surface of the workspace."""
+    stroke: Array  # (2,), m
+    condition: float  # largest condition number of the Jacobian over the surface of the workspace
 
     @property
     def geometry(self) -> Geometry:

@@ -15,8 +15,8 @@ from ...results.report import Picture, draw_pictures
 from ...results.style import ACTIVE, PASSIVE, REFERENCE, draw
 from ...results.tables import Table
 from .. import workspace
+from ..figures.fig10.closed_form import BAND
 from ..figures.fig10.plots import break_jumps
-from ..figures.fig10.results import BAND
 from ..figures.table2.closed_form import ORIENTATIONS
 from ..published import ANGLES, make_finding, published_numbers
 from . import geometry, noise, suspension

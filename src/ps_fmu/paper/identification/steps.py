@@ -23,32 +23,20 @@ BATCHES = 10  # of starts; the first is enough for 26 of 28 seeds, with 24 start
 class Identification:
     """A parameter set, as its file has it, and how it was found."""
 
-    path: Path
-    """The file."""
+    path: Path  # the file
     seed: int
-    starts: int
-    """Geometries that were started from."""
-    candidates: Sequence[geometry.Candidate]
-    """The geometries that meet Table 1, the best conditioned first."""
-    geometry: geometry.Candidate
-    """The first with which Fig 10 and the passive RMS of Table 2 can be met."""
+    starts: int  # geometries that were started from
+    candidates: Sequence[geometry.Candidate]  # the geometries that meet Table 1, the best conditioned first
+    geometry: geometry.Candidate  # the first with which Fig 10 and the passive RMS of Table 2 can be met
     suspension: suspension.Suspension
-    fixed: dict[str, Identifiability]
-    """What the data leave open in each step: geometry, suspension, noise."""
-    original: Parameters
-    """The file read back, with the original support module (OSM)."""
-    lighter: Parameters
-    """The same with the lighter one (LSM)."""
-    table1: Array
-    """(6,), deg, in the order of geometry.KEYS."""
-    fig10: Array
-    """(4,), in the order of suspension.KEYS."""
-    passive_rms: Array
-    """(12,), rad, in the order of noise.KEYS."""
-    active_rms: Array
-    """(12,), rad, in the order of noise.ACTIVE_KEYS."""
-    peaks: dict[str, float]
-    """fig10.OSM_peak and fig10.LDLSM_peak, dB; not fitted."""
+    fixed: dict[str, Identifiability]  # what the data leave open in each step: geometry, suspension, noise
+    original: Parameters  # the file read back, with the original support module (OSM)
+    lighter: Parameters  # the same with the lighter one (LSM)
+    table1: Array  # (6,), deg, in the order of geometry.KEYS
+    fig10: Array  # (4,), in the order of suspension.KEYS
+    passive_rms: Array  # (12,), rad, in the order of noise.KEYS
+    active_rms: Array  # (12,), rad, in the order of noise.ACTIVE_KEYS
+    peaks: dict[str, float]  # fig10.OSM_peak and fig10.LDLSM_peak, dB; not fitted
 
     @property
     def rejection(self) -> Array:
@@ -178,7 +166,7 @@ def write_parameters(path: Path, p: Parameters, origin: str) -> None:
 
 def write_start_values(path: Path, p: Parameters) -> None:
     """Write what differs from paper.toml as an SSV file for ``ps-fmu run --parameters``.  Raises OSError."""
-    from ...cosim.ssp.xml_parts import real_values_xml
+    from ...cosim.ssp.writing import real_values_xml
     from ...interface.start_values import differences
 
     values = {name: float(value) for name, value in differences(p).items()}

@@ -13,7 +13,7 @@ from typing import TypeVar
 import numpy as np
 
 from ...mechanism.parameters import Array, CoarseLeg, Geometry, Parameters
-from ..figures.fig10.results import BAND
+from ..figures.fig10.closed_form import BAND
 from ..published import published_numbers
 from .fit import Identifiability, Range, follow, slopes, targets
 

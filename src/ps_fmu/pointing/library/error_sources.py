@@ -27,8 +27,7 @@ class EnsembleParameter:
 
     mean: float
     std: float
-    worst: float
-    """Worst case, for the temporal interpretation."""
+    worst: float  # worst case, for the temporal interpretation
 
     @property
     def rms(self) -> float:
@@ -89,8 +88,7 @@ class ErrorSource(ABC):
 class Bias(ErrorSource):
     """Constant in an observation (Table B-2)."""
 
-    changes: bool = False
-    """Whether it differs from observation to observation, which makes it a part of PRE."""
+    changes: bool = False  # whether it differs from observation to observation, which makes it a part of PRE
 
     def _of(self, index: str, interpretation: Interpretation) -> Contribution:
         p = self.parameter

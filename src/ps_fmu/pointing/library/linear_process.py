@@ -44,16 +44,11 @@ class LinearProcess:
     integrators beside stable states.
     """
 
-    A: Array
-    """(n, n)."""
-    C: Array
-    """(signals, n)."""
-    noise: Array
-    """(n, n), covariance of w; for noise through a matrix B: B cov B^T."""
-    step: float
-    """s."""
-    output_noise: Array | None = None
-    """(signals, signals), covariance of v; None: no such noise."""
+    A: Array  # (n, n)
+    C: Array  # (signals, n)
+    noise: Array  # (n, n), covariance of w; for noise through a matrix B: B cov B^T
+    step: float  # s
+    output_noise: Array | None = None  # (signals, signals), covariance of v; None: no such noise
 
     def __post_init__(self) -> None:
         n = len(self.A)

@@ -2,30 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from typing import Any, Protocol
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
 State = Mapping[str, Any]
 """Numbers, texts, arrays, None, and lists and dicts of such, by name."""
 
 
-class RowJournal(Protocol):
-    """A file of a checkpoint that grows row by row; see ``ps_fmu.cosim.checkpoint``."""
-
-    def append(self, rows: Array) -> None:
-        """Add rows (rows, width)."""
-
-    def read(self) -> Iterator[Array]:
-        """All rows so far, some thousand at a time."""
-
-
 def save_attributes(owner: object, names: Sequence[str]) -> dict[str, Any]:
-    """Attributes by name, without leading underscore; arrays are not copied."""
-    return {name.lstrip("_"): getattr(owner, name) for name in names}
+    """Attributes by name, without leading underscore; those that have a state of their own by that.
+
+    Arrays are not copied.
+    """
+    return {name.lstrip("_"): _save(getattr(owner, name)) for name in names}
 
 
 def load_attributes(owner: object, names: Sequence[str], state: State, growing: Collection[str] = ()) -> None:
@@ -35,12 +27,7 @@ def load_attributes(owner: object, names: Sequence[str], state: State, growing: 
     are ``growing`` may be another.  Raises KeyError for one that is missing, ValueError for one that does not fit.
     """
     for name in names:
-        found, present = state[name.lstrip("_")], getattr(owner, name)
-        if isinstance(present, np.ndarray):
-            check_array(name.lstrip("_"), found, present, grows=name in growing)
-        elif type(found) is not type(present):
-            raise ValueError(f"{name.lstrip('_')}: expected {type(present).__name__}, found {type(found).__name__}")
-        setattr(owner, name, found)
+        setattr(owner, name, _load(name.lstrip("_"), state[name.lstrip("_")], getattr(owner, name), name in growing))
 
 
 def check_array(name: str, found: Any, like: NDArray[Any], *, grows: bool = False) -> NDArray[Any]:
@@ -49,4 +36,23 @@ def check_array(name: str, found: Any, like: NDArray[Any], *, grows: bool = Fals
     if not fits or found.shape[grows:] != like.shape[grows:]:
         what = f"{found.dtype} {found.shape}" if isinstance(found, np.ndarray) else type(found).__name__
         raise ValueError(f"{name}: expected an array {like.dtype} {like.shape}, found {what}")
-    return np.asarray(found)
+    return np.array(found)
+
+
+def _save(value: Any) -> Any:
+    if isinstance(value, list):
+        return [_save(one) for one in value]
+    return value.save_state() if hasattr(value, "save_state") else value
+
+
+def _load(name: str, found: Any, present: Any, grows: bool) -> Any:
+    if hasattr(present, "load_state"):
+        present.load_state(found)
+        return present
+    if isinstance(present, np.ndarray):
+        return check_array(name, found, present, grows=grows)
+    if type(found) is not type(present) or (isinstance(present, list) and len(found) != len(present)):
+        raise ValueError(f"{name}: expected {type(present).__name__} as before, found {found!r}")
+    if isinstance(present, list):
+        return [_load(name, one, own, grows) for one, own in zip(found, present, strict=True)]
+    return found

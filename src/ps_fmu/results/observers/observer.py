@@ -2,7 +2,7 @@
 
 A co-simulation master hands each block of rows to ``block(first_index, time, values)``; an observer picks its
 columns by name.  Memory does not grow with the length of the run, and the result does not depend on how the
-run was cut into blocks (beyond rounding).
+run was cut into blocks (beyond rounding).  Observers of one run may share a :class:`Batch`.
 """
 
 from __future__ import annotations
@@ -10,16 +10,19 @@ from __future__ import annotations
 import difflib
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...reduction.columns import ColumnCopy
-from .kept import State, load_attributes, save_attributes
+from .kept import State, check_array, load_attributes, save_attributes
 
 Array = NDArray[np.float64]
+
+BATCH_ROWS = 8000
+"""As many of six columns as the second cache holds; each look costs as much as some 1000 rows."""
 
 
 class NamedColumn(Protocol):
@@ -73,6 +76,7 @@ class ColumnObserver(ABC):
         self._copy = ColumnCopy(self.places, len(columns))
         self.units = tuple(columns[place].unit for place in self.places)
         self.start_s = start_s
+        self.batch: Batch | None = None  # that hands it its rows
 
     def block(self, first_index: int, time: Array, values: Array) -> None:
         """Take ``values`` (rows, columns) at ``time`` (rows,) [s]; ``first_index`` counts rows from 0."""
@@ -93,6 +97,11 @@ class ColumnObserver(ABC):
         if first < len(time):
             self.take(time[first:], samples[:, first:])
 
+    def take_held(self) -> None:
+        """Take the rows that its batch still holds: a result begins with this."""
+        if self.batch is not None:
+            self.batch.flush()
+
     def save_state(self) -> dict[str, Any]:
         """What a checkpoint keeps; valid until the next block."""
         return save_attributes(self, self.KEPT)
@@ -107,3 +116,95 @@ class ColumnObserver(ABC):
     @abstractmethod
     def take(self, time: Array, samples: Array) -> None:
         """Take the observed ``samples`` (signals, rows), a copy of the block; ``time`` (rows,) [s]."""
+
+
+class Buffer:
+    """Samples (signals, rows) that are gathered until there is no room for more.
+
+    ``held`` are the rows so far, and ``room`` is the whole.
+    """
+
+    def __init__(self, signals: int, rows: int) -> None:
+        self.room: Array = np.empty((signals, rows))
+        self.filled = 0
+
+    @property
+    def held(self) -> Array:
+        """The rows so far, (signals, filled)."""
+        return self.room[:, : self.filled]
+
+    def add(self, samples: Array) -> Iterator[Array]:
+        """Add rows (signals, n); the whole, each time that it is full.  Who takes it sets ``filled``."""
+        taken, rows = 0, self.room.shape[1]
+        while taken < samples.shape[1]:
+            count = min(rows - self.filled, samples.shape[1] - taken)
+            self.room[:, self.filled : self.filled + count] = samples[:, taken : taken + count]
+            taken += count
+            self.filled += count
+            if self.filled == rows:
+                yield self.room
+
+    def save_state(self) -> dict[str, Any]:
+        """As :meth:`ColumnObserver.save_state`."""
+        return {"held": self.held}
+
+    def load_state(self, state: State) -> None:
+        """As :meth:`ColumnObserver.load_state`."""
+        held = check_array("held", state["held"].T, self.room.T, grows=True).T
+        if held.shape[1] >= self.room.shape[1]:
+            raise ValueError(f"held: expected less than {self.room.shape[1]} rows, found {held.shape[1]}")
+        self.filled = held.shape[1]
+        self.held[:] = held
+
+
+class Batch(ColumnObserver):
+    """Hands its members their columns in batches of :data:`BATCH_ROWS` rows, however the run is cut into blocks.
+
+    The columns are copied once, and looked at some thousand rows at a time.  Results of the members have all rows.
+
+    Parameters
+    ----------
+    columns: all columns of the run, in the order of the blocks
+    members: those that observe some of them, and copy what they keep
+    """
+
+    KEPT = ("_times", "_rows", "_members")
+
+    def __init__(self, columns: Sequence[NamedColumn], members: Sequence[ColumnObserver]) -> None:
+        super().__init__(columns, list(dict.fromkeys(name for member in members for name in member.names)))
+        self._members = list(members)
+        self._places = [_as_slice([self.names.index(name) for name in member.names]) for member in members]
+        self._times, self._rows = Buffer(1, BATCH_ROWS), Buffer(len(self.names), BATCH_ROWS)
+        for member in members:
+            member.batch = self
+
+    def block(self, first_index: int, time: Array, values: Array) -> None:
+        """As in :class:`ColumnObserver`."""
+        taken = 0
+        while taken < len(time):
+            filled = self._rows.filled
+            count = min(BATCH_ROWS - filled, len(time) - taken)
+            rows, goal = slice(taken, taken + count), slice(filled, filled + count)
+            self._times.room[0, goal] = time[rows]
+            self.copy_columns(values[rows], self._rows.room[:, goal])
+            taken += count
+            self._times.filled = self._rows.filled = filled + count
+            if self._rows.filled == BATCH_ROWS:
+                self.flush()
+
+    def take(self, time: Array, samples: Array) -> None:
+        """Hand out a batch."""
+        for member, places in zip(self._members, self._places, strict=True):
+            member.take_from_start(time, samples[places])
+
+    def flush(self) -> None:
+        """Hand out the rows that are held."""
+        times, rows = self._times.held[0], self._rows.held
+        self._times.filled = self._rows.filled = 0
+        if len(times):
+            self.take(times, rows)
+
+
+def _as_slice(places: list[int]) -> slice | list[int]:
+    """Neighbours as a slice, which is no copy."""
+    return slice(places[0], places[-1] + 1) if places == list(range(places[0], places[-1] + 1)) else places

@@ -10,14 +10,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...pointing.windows import count_samples
-from .kept import State, check_array
-from .observer import ColumnObserver, NamedColumn
+from .observer import Buffer, ColumnObserver, NamedColumn
 
 Array = NDArray[np.float64]
 
@@ -32,6 +30,8 @@ class Welch(ColumnObserver):
     remove_mean: take the mean out of each segment first; what is slower than a segment is lost then
     start_s: rows before this time [s] are left out
     """
+
+    KEPT = ("segments", "_buffer", "_power")
 
     def __init__(
         self,
@@ -59,28 +59,20 @@ class Welch(ColumnObserver):
         self._scale[0] /= 2.0
         if rows % 2 == 0:
             self._scale[-1] /= 2.0
-        self._held = np.empty((len(self.names), rows))
-        self._filled = 0
+        self._buffer = Buffer(len(self.names), rows)
         self._power = np.zeros((len(self.names), len(self.frequency)))
-        lines = len(self.names), len(self.frequency)
-        self._rooms = np.empty(self._held.shape), np.empty(lines, dtype=complex), *np.empty((2, len(self.frequency)))
+        windowed, lines = np.empty_like(self._buffer.room), np.empty(self._power.shape, dtype=complex)
+        self._rooms = windowed, lines, *np.empty((2, len(self.frequency)))
 
     def take(self, time: Array, samples: Array) -> None:
         """Fill the segment; transform it when it is full and keep its second half for the next."""
-        rows = self._held.shape[1]
-        taken = 0
-        while taken < samples.shape[1]:
-            count = min(rows - self._filled, samples.shape[1] - taken)
-            self._held[:, self._filled : self._filled + count] = samples[:, taken : taken + count]
-            taken += count
-            self._filled += count
-            if self._filled == rows:
-                self._transform()
-                self.segments += 1
-                self._held[:, : self._overlap] = self._held[:, rows - self._overlap :].copy()
-                self._filled = self._overlap
+        for segment in self._buffer.add(samples):
+            self._transform(segment)
+            self.segments += 1
+            segment[:, : self._overlap] = segment[:, -self._overlap :].copy()
+            self._buffer.filled = self._overlap
 
-    def _transform(self) -> None:
+    def _transform(self, segments: Array) -> None:
         """Add the squares of the segment's lines to the power.
 
         One call transforms all signals: it prepares itself once, for a tenth of its time.  What comes before and after
@@ -88,7 +80,7 @@ class Welch(ColumnObserver):
         take twice the time.
         """
         windowed, lines, squares, more = self._rooms
-        for segment, one in zip(self._held, windowed, strict=True):
+        for segment, one in zip(segments, windowed, strict=True):
             np.multiply(
                 np.subtract(segment, segment.mean(), out=one) if self._remove_mean else segment,
                 self._window, out=one,
@@ -99,27 +91,12 @@ class Welch(ColumnObserver):
             squares += np.square(own.imag, out=more)
             power += squares
 
-    def save_state(self) -> dict[str, Any]:
-        """As :meth:`ColumnObserver.save_state`."""
-        power = self._power if self.segments else None  # all zeros: 3 MB of a usual run
-        return {"segments": self.segments, "held": self._held[:, : self._filled], "power": power}
-
-    def load_state(self, state: State) -> None:
-        """As :meth:`ColumnObserver.load_state`."""
-        held, segments = state["held"], state["segments"]
-        check_array("held", held.T, self._held.T, grows=True)
-        if type(segments) is not int or held.shape[1] >= self._held.shape[1]:
-            raise ValueError(f"held: {held.shape[1]} rows in segments of {self._held.shape[1]}")
-        power = state["power"]
-        self._power = check_array("power", power, self._power) if segments else np.zeros_like(self._power)
-        self.segments, self._filled = segments, held.shape[1]
-        self._held[:, : self._filled] = held
-
     def psd(self) -> Array:
         """One-sided densities (signals, frequencies) in unit^2/Hz at ``frequency``.
 
         Raises ``ValueError`` while no segment has been filled.
         """
+        self.take_held()
         if not self.segments:
             raise ValueError(f"no segment of {self.segment_s} s was filled: run longer or shorten the segment")
         return self._power * (self._scale / self.segments)

@@ -1,23 +1,21 @@
-// A chart of curves over a linked axis, drawn by uPlot from the pyramids of the curves.
+// A chart of curves over a linked axis, drawn by uPlot: a pixel shows the extremes of all values that fall on it.
 
 const CHART_HEIGHT = 250;
 const PRINT_HEIGHT = 200;
-/** Spans of a curve per pixel of width: more cannot be seen. */
-const SPANS_PER_PIXEL = 1;
 
 class LineChart {
   constructor(packed, link, element) {
     this.link = link;
     this.packed = packed;
     this.curves = packed.curves.map((curve) => ({
-      label: curve.label,
-      colour: curve.colour,
-      pyramid: new Pyramid(decode(curve.low), curve.high && decode(curve.high)),
+      ...curve,
+      low: decode(curve.low),
+      high: decode(curve.high || curve.low),
     }));
     this.plotElement = make("div", { class: "plot" });
     this.readout = make("div", { class: "readout" });
     // Ticks of a straight axis carry the unit themselves.
-    const unit = packed.logarithmic ? ` (${prettyUnit(packed.unit)})` : "";
+    const unit = packed.logarithmic && prettyUnit(packed.unit) ? ` (${prettyUnit(packed.unit)})` : "";
     element.append(make("h3", {}, packed.title + unit), this.readout, this.plotElement);
     this.plot = new uPlot(this.options(), this.cut(), this.plotElement);
     listenOnChart(this.plot.over, link, (x) => this.plot.posToVal(x, "x"));
@@ -38,15 +36,27 @@ class LineChart {
         y: { distr: this.packed.logarithmic ? 3 : 1, range: (_, low, high) => this.pad(low, high) },
       },
       axes: [this.horizontal(), this.vertical()],
-      series: [{}, ...this.curves.flatMap((curve) => [line(curve.colour), line(curve.colour)])],
+      series: [{}, ...this.curves.flatMap((curve) => [line(curve), line(curve)])],
       bands: this.curves.map((curve, k) => ({
         series: [2 * k + 2, 2 * k + 1], fill: () => theme.faded(curve.colour, 0.6),
       })),
       hooks: {
+        drawClear: [(plot) => this.mark(plot)],
         setCursor: [(plot) => this.read(plot.cursor.idx)],
         setSelect: [(plot) => this.select(plot)],
       },
     };
+  }
+
+  /** Shade spans of the axis, and draw a line at places of it. */
+  mark(plot) {
+    const { ctx, bbox: { left, top, width, height } } = plot;
+    const at = (value) => Math.min(Math.max(plot.valToPos(value, "x", true), left), left + width);
+    for (const { spans, colour, opacity } of this.link.shaded) {
+      ctx.fillStyle = theme.faded(colour, opacity);
+      for (const [first, last] of spans) ctx.fillRect(at(first), top, at(last) - at(first), height);
+    }
+    for (const [label, value] of this.link.marked) drawLevel(plot, "x", value, "reference", label, 0);
   }
 
   horizontal() {
@@ -85,41 +95,33 @@ class LineChart {
     return [low - margin, high + margin];
   }
 
-  /** What uPlot draws of the linked range: places, then low and high of each curve. */
+  /** What uPlot draws of the linked range: axis values, then low and high of each curve, those of a pixel as one. */
   cut() {
     const { axis, min, max } = this.link;
     const first = axis.find(min);
     const last = Math.min(axis.find(max) + 1, axis.count - 1);
-    this.spans = axis.logarithmic ? this.spansOfPixels(first, last) : this.spansOfLevel(first, last);
-    const { starts, width, level } = this.spans;
+    this.spans = { starts: this.splitByPixel(first, last), end: last + 1 };
+    const { starts } = this.spans;
     const visible = (value) => (Number.isFinite(value) && !(this.packed.logarithmic && value <= 0) ? value : null);
-    const columns = this.curves.flatMap(({ pyramid }) => {
-      const { low, high } = pyramid.levels[level];
-      if (width) return [low, high].map((values) => starts.map((start) => visible(values[start / width])));
-      const found = starts.map((start, k) => pyramid.extremes(start, this.endOf(k)));
-      return [found.map(([least]) => visible(low[least])), found.map(([, most]) => visible(high[most]))];
+    const columns = this.curves.flatMap((curve) => {
+      const found = starts.map((start, k) => extremes(curve, start, this.endOf(k)));
+      return [found.map(([least]) => visible(curve.low[least])), found.map(([, most]) => visible(curve.high[most]))];
     });
     return [starts.map((start) => axis.at(start)), ...columns];
   }
 
-  /** On a straight axis all spans are alike: those of a level of the pyramids. */
-  spansOfLevel(first, last) {
-    const { begin, end, level, width } = this.curves[0].pyramid.choose(first, last, SPANS_PER_PIXEL * this.width);
-    const starts = Array.from({ length: end - begin + 1 }, (_, k) => (begin + k) * width);
-    return { starts, width, level, end: Math.min((end + 1) * width, this.link.axis.count) };
-  }
-
-  /** On a logarithmic axis a span is what falls on one pixel. */
-  spansOfPixels(first, last) {
-    const { axis, range: [min, max] } = this.link;
-    const scale = this.width / Math.log10(max / min);
+  /** The first place of what falls on each pixel. */
+  splitByPixel(first, last) {
+    const { link } = this;
+    const [low, high] = link.range.map((value) => link.straight(value));
+    const scale = this.width / (high - low);
     const starts = [];
     for (let place = first, before = null; place <= last; place++) {
-      const pixel = Math.floor(scale * Math.log10(axis.at(place) / min));
+      const pixel = Math.floor(scale * (link.straight(link.axis.at(place)) - low));
       if (pixel !== before) starts.push(place);
       before = pixel;
     }
-    return { starts, width: 0, level: 0, end: last + 1 };
+    return starts;
   }
 
   /** First place after a span. */
@@ -166,9 +168,9 @@ class LineChart {
     });
   }
 
-  describe({ pyramid }, from, to) {
-    const { low, high } = pyramid.levels[0];
-    const [least, most] = pyramid.extremes(from, to);
+  describe(curve, from, to) {
+    const { low, high } = curve;
+    const [least, most] = extremes(curve, from, to);
     const text = (value) => formatQuantity(value, this.packed.unit);
     if (text(low[least]) === text(high[most])) return text(low[least]);
     // Of a spectrum one wants to know where in the span the line is.
@@ -179,12 +181,26 @@ class LineChart {
   }
 }
 
+/** Places of the least and the largest value in [from, to); a gap (NaN) gives way to any value. */
+function extremes({ low, high }, from, to) {
+  let [least, most] = [from, from];
+  for (let i = from + 1; i < to; i++) {
+    if (low[i] < low[least] || low[least] !== low[least]) least = i;
+    if (high[i] > high[most] || high[most] !== high[most]) most = i;
+  }
+  return [least, most];
+}
+
 function longest(texts) {
   return Math.max(0, ...texts.map((text) => text.length));
 }
 
-function line(colour) {
-  return { stroke: () => theme.colour(colour), width: 1, points: { show: false } };
+/** How a curve is drawn. */
+function line({ colour, drawn }) {
+  const stroke = () => theme.colour(colour);
+  if (drawn === "dots") return { stroke, paths: () => null, points: { show: true, size: 4, fill: stroke } };
+  const paths = drawn === "steps" ? uPlot.paths.stepped({ align: 1 }) : undefined;
+  return { stroke, width: 1, dash: { dashed: [6, 4], dotted: [1, 3] }[drawn], paths, points: { show: false } };
 }
 
 function axisColours() {

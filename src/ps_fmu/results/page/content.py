@@ -7,24 +7,22 @@ tenth of the time of a list of numbers to read, half its size, and 7 digits are 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..style import COLOURS
 from ..waterfall import RANGE_DB, Waterfall
 from .cases import CaseTable
-from .packing import encode, encode_levels
+from .packing import Entry, encode, encode_levels, pack_fields
 
 Array = NDArray[np.float64]
-Entry = dict[str, object]
 
-COLOURS = ("passive", "active", "reference", "x", "y", "z")
-"""Names of the page's colours, each with a value for a light and for a dark page (page.css)."""
 
 
 @dataclass(frozen=True)
-class Verdict:
+class VerdictRow:
     """One requirement and whether the run meets it: a row at the head of the report, formatted by the caller."""
 
     requirement: str  # index, signal, window, for example "RPE over 1 s, payload rotation x"
@@ -37,20 +35,25 @@ class Verdict:
 
 @dataclass(frozen=True, eq=False)
 class Axis:
-    """The common horizontal axis of charts: ascending ``values`` (n,) in ``unit``."""
+    """The common horizontal axis of charts: ascending ``values`` (n,) in ``unit``.
+
+    Raises ``ValueError`` for others.
+    """
 
     label: str
     unit: str
     values: Array
     logarithmic: bool = False
 
+    def __post_init__(self) -> None:
+        if np.ndim(self.values) != 1 or not len(self.values) or not np.all(np.diff(self.values) > 0.0):
+            raise ValueError(f"axis {self.label!r}: expected ascending values")
+        if self.logarithmic and self.values[0] <= 0.0:
+            raise ValueError(f"axis {self.label!r}: expected values above 0, got {self.values[0]:g}")
+
     def pack(self) -> Entry:
         """As the page reads it; equally spaced values as start and step, which float32 could not hold for long runs."""
         values = np.asarray(self.values, dtype=float)
-        if values.ndim != 1 or not len(values) or not np.all(np.diff(values) > 0.0):
-            raise ValueError(f"axis {self.label!r}: expected ascending values")
-        if self.logarithmic and values[0] <= 0.0:
-            raise ValueError(f"axis {self.label!r}: expected values above 0, got {values[0]:g}")
         packed: Entry = {"label": self.label, "unit": self.unit, "logarithmic": self.logarithmic, "count": len(values)}
         step = (values[-1] - values[0]) / max(len(values) - 1, 1)
         even = values[0] + step * np.arange(len(values))
@@ -64,18 +67,19 @@ class Curve:
     """One signal over an axis: ``low`` (n,), and ``high`` (n,) where each value stands for a span of the run."""
 
     label: str
-    colour: str  # one of COLOURS
+    colour: str  # one of style.COLOURS
     low: Array
     high: Array | None = None
+    drawn: str = "line"  # or dashed, dotted, dots, steps: of values that are held
 
     def __post_init__(self) -> None:
         if self.colour not in COLOURS:
             raise ValueError(f"curve {self.label!r}: expected a colour of {', '.join(COLOURS)}, got {self.colour!r}")
 
-    def pack(self) -> Entry:
-        """As the page reads it."""
-        packed: Entry = {"label": self.label, "colour": self.colour, "low": encode(self.low)}
-        return packed if self.high is None else {**packed, "high": encode(self.high)}
+    @property
+    def ends(self) -> tuple[Array, Array]:
+        """Lowest and highest values."""
+        return self.low, self.low if self.high is None else self.high
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,29 +91,66 @@ class Chart:
     curves: Sequence[Curve]
     logarithmic: bool = False
 
-    def pack(self, count: int) -> Entry:
-        """As the page reads it; raises ``ValueError`` for a curve that does not have ``count`` values."""
-        for curve in self.curves:
-            for values in (curve.low, curve.high):
-                if values is not None and np.shape(values) != (count,):
-                    raise ValueError(f"chart {self.title!r}: expected {count} values of {curve.label!r}")
-        curves = [curve.pack() for curve in self.curves]
-        return {"title": self.title, "unit": self.unit, "logarithmic": self.logarithmic, "curves": curves}
+
+@dataclass(frozen=True)
+class Spans:
+    """Spans of an axis in which something holds, shaded in every chart: the legend's text, spans, colour."""
+
+    label: str
+    spans: Sequence[tuple[float, float]]
+    colour: str = "reference"
+    opacity: float = 0.1
+
+
+@dataclass(frozen=True)
+class Still:
+    """A PNG file of a group: its name, and what of the group it shows."""
+
+    file: str
+    title: str = ""
+    """Where it is not that of the group."""
+    curves: Sequence[str] = ()
+    """Labels; none: all."""
+    charts: int | None = None
+    """The first so many; None: all."""
+    enlarged: str = ""
+    """Label of a curve that is drawn once more, alone, beside each chart."""
+    caption: str = ""
+    """Where it is not that of the group."""
 
 
 @dataclass(frozen=True, eq=False)
 class ChartGroup:
-    """Charts over one axis that are zoomed and read together."""
+    """Charts over one axis that are zoomed and read together.
+
+    Raises ``ValueError`` for a curve that does not have a value for each of the axis.
+    """
 
     title: str
     caption: str
     axis: Axis
     charts: Sequence[Chart]
+    shaded: Sequence[Spans] = ()
+    marked: Sequence[tuple[str, float]] = ()
+    """Places of the axis with a line across: the legend's text, and where."""
+    stills: Sequence[Still] = ()
+
+    def __post_init__(self) -> None:
+        for chart in self.charts:
+            for curve in chart.curves:
+                if any(np.shape(values) != np.shape(self.axis.values) for values in curve.ends):
+                    expected = f"expected {len(self.axis.values)} values of {curve.label!r}"
+                    raise ValueError(f"chart {chart.title!r}: {expected}")
+
+    @property
+    def columns(self) -> int:
+        """How many charts stand beside one another: three where there are several rows of these."""
+        return 3 if len(self.charts) > 3 and len(self.charts) % 3 == 0 else 1
 
     def pack(self) -> Entry:
         """As the page reads it."""
-        axis = self.axis.pack()
-        return {"axis": axis, "charts": [chart.pack(len(self.axis.values)) for chart in self.charts]}
+        shown = {name: value for name, value in pack_fields(self).items() if name not in ("stills", "caption")}
+        return {**shown, "columns": self.columns}
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,25 +162,16 @@ class Cloud:
     points: Array
     hull: Array
 
-    def pack(self) -> Entry:
-        """As the page reads it."""
-        return {
-            "label": self.label, "colour": self.colour, "points": encode(self.points), "hull": encode(self.hull),
-        }  # fmt: skip
-
 
 @dataclass(frozen=True, eq=False)
 class CloudGroup:
-    """Clouds in one plane."""
+    """Clouds in one plane, and the name of their PNG file, if there is to be one."""
 
     title: str
     caption: str
     unit: str
     clouds: Sequence[Cloud]
-
-    def pack(self) -> Entry:
-        """As the page reads it."""
-        return {"unit": self.unit, "clouds": [cloud.pack() for cloud in self.clouds]}
+    file: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,7 +180,7 @@ class Motion:
 
     Small motions (n, 3): displacements in axes of B [m], rotation vectors of the base in B and of the payload in P
     [rad].  The nominal pose of the payload is (n, 3) or, where it stays, (1, 3): origin of P in B [m] and roll, pitch,
-    yaw [rad].
+    yaw [rad].  Raises ``ValueError`` for other shapes.
     """
 
     label: str
@@ -160,18 +192,15 @@ class Motion:
     nominal_position: Array
     nominal_orientation: Array
 
+    def __post_init__(self) -> None:
+        for field in fields(self)[2:]:
+            shape = np.shape(getattr(self, field.name))
+            if shape not in {(len(self.time), 3), (1, 3)}:
+                raise ValueError(f"motion {self.label!r}: {field.name} has the shape {shape}")
+
     def pack(self) -> Entry:
         """As the page reads it."""
-        arrays = {
-            "basePosition": self.base_position, "baseRotation": self.base_rotation,
-            "payloadPosition": self.payload_position, "payloadRotation": self.payload_rotation,
-            "nominalPosition": self.nominal_position, "nominalOrientation": self.nominal_orientation,
-        }  # fmt: skip
-        for name, values in arrays.items():
-            if np.shape(values) not in {(len(self.time), 3), (1, 3)}:
-                raise ValueError(f"motion {self.label!r}: {name} has the shape {np.shape(values)}")
-        time = Axis("time", "s", self.time).pack()
-        return {"label": self.label, "time": time, **{name: encode(values) for name, values in arrays.items()}}
+        return {**pack_fields(self), "time": Axis("time", "s", self.time).pack()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,14 +216,6 @@ class Mechanism:
     platform_joints: Array
     motions: Sequence[Motion]
 
-    def pack(self) -> Entry:
-        """As the page reads it."""
-        return {
-            "baseJoints": encode(self.base_joints),
-            "platformJoints": encode(self.platform_joints),
-            "motions": [motion.pack() for motion in self.motions],
-        }
-
 
 @dataclass(frozen=True, eq=False)
 class Exploration:
@@ -207,39 +228,28 @@ class Exploration:
     cases: CaseTable | None = None
 
     def pack(self) -> Entry:
-        """As the page reads it; empty if there is nothing.  Raises ``ValueError`` for arrays that do not fit."""
+        """As the page reads it; empty if there is nothing."""
         if not (self.charts or self.clouds or self.mechanism or self.waterfalls or self.cases):
             return {}
-        return {
-            "groups": [group.pack() for group in self.charts],
-            "clouds": [group.pack() for group in self.clouds],
-            "mechanism": self.mechanism.pack() if self.mechanism else None,
-            "waterfalls": [_pack_waterfall(shown) for shown in self.waterfalls],
-            "cases": self.cases.pack() if self.cases else None,
-        }
+        return {**pack_fields(self), "waterfalls": [_pack_waterfall(shown) for shown in self.waterfalls]}
 
 
 def _pack_waterfall(shown: Waterfall) -> Entry:
-    ordinate = Axis(shown.label, shown.ordinate_unit, shown.ordinate).pack()
     return {
         "unit": shown.unit,
         "largest": shown.largest,
         "rangeDb": RANGE_DB,
         "frequency": Axis("frequency", "Hz", shown.frequency).pack(),
-        "ordinate": ordinate,
+        "ordinate": Axis(shown.label, shown.ordinate_unit, shown.ordinate).pack(),
         "shown": shown.shown,
         "panels": [
             {
                 "case": panel.case,
                 "levels": encode_levels(shown.levels(panel), -RANGE_DB),
-                "mark": None
-                if panel.mark is None
-                else {"frequency": panel.mark.frequency, "ordinate": panel.mark.ordinate},
+                "mark": None if panel.mark is None else pack_fields(panel.mark),
             }
             for panel in shown.panels
         ],
-        "lines": [
-            {"wheel": line.wheel, "order": line.order, "frequency": encode(line.frequency)} for line in shown.lines
-        ],
-        "modes": [{"name": mode.name, "frequency": mode.frequency} for mode in shown.modes],
+        "lines": [pack_fields(line) for line in shown.lines],
+        "modes": [pack_fields(mode) for mode in shown.modes],
     }

@@ -8,7 +8,7 @@ function makeGroup(packed, section, key) {
   });
   link.key = key;
   const grid = section.querySelector(".grid");
-  link.columns = packed.charts.length > 3 && packed.charts.length % 3 === 0 ? 3 : 1;
+  Object.assign(link, { columns: packed.columns, shaded: packed.shaded, marked: packed.marked });
   grid.style.setProperty("--columns", link.columns);
   grid.classList.toggle("narrow", link.columns > 1);
   link.views = packed.charts.map((chart) => {
@@ -17,13 +17,15 @@ function makeGroup(packed, section, key) {
     listenToKeys(element, link);
     return new LineChart(chart, link, element);
   });
+  const shades = packed.shaded.map(({ label, colour, opacity }) => {
+    const mark = swatch(colour);
+    mark.style.opacity = opacity;
+    return make("span", { class: "span" }, mark, label);
+  });
   section.querySelector(".bar").append(
+    ...shades,
     ...makeToggles(packed, link),
-    makeButton("+", "Zoom in (+; also: drag across a chart, Ctrl and wheel, two fingers)", () => link.zoom(0.5)),
-    makeButton("\u2212", "Zoom out (-)", () => link.zoom(2)),
-    makeButton("\u25c0", "Move left (arrow key)", () => link.move(-0.25)),
-    makeButton("\u25b6", "Move right (arrow key)", () => link.move(0.25)),
-    makeButton("All", "Show everything (0, or double click)", () => link.reset()),
+    ...makeZoomButtons("a chart", link, true),
     span,
   );
   link.announce(link);
@@ -50,7 +52,7 @@ function start() {
   const data = readData();
   const drawings = [
     ...data.waterfalls.flatMap((each, k) => makeWaterfall(each, document.querySelector(`[data-waterfall="${k}"]`))),
-    ...data.groups.flatMap((group, k) => makeGroup(group, document.querySelector(`[data-group="${k}"]`), `group-${k}`)),
+    ...data.charts.flatMap((group, k) => makeGroup(group, document.querySelector(`[data-group="${k}"]`), `group-${k}`)),
     ...data.clouds.flatMap((group, k) => makeClouds(group, document.querySelector(`[data-cloud="${k}"]`))),
   ];
   if (data.cases) drawings.push(new CaseExplorer(data.cases, document.querySelector(".cases")));

@@ -3,40 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Generator
-from typing import Protocol
 
 import numpy as np
 
+from ...numerics.calls import Calls
 from .buffer import Array
 from .core import Core
 
-
-class Calls(Protocol):
-    """Compiled work that needs no Python: the launcher makes the calls, one by one, or :meth:`make_next` does.
-
-    Memory that they touch lives as long as this.  A generator that has yielded calls makes those that are left when it
-    is asked to go on.
-    """
-
-    @property
-    def address(self) -> int:
-        """Of the words ``Calls`` in ``native/kernel/core.h``."""
-
-    @property
-    def left(self) -> int:
-        """Calls that were not made yet."""
-
-    @property
-    def later(self) -> int:
-        """Parts of the work that come after the calls, at least 1: the generator has to go on."""
-
-    def make_next(self) -> None:
-        """Make the next call and count it in the words."""
-
-
 RowParts = Generator[int | Calls, None, Array]
 """Rows of a table as a generator: after each part of its work it yields how many are to come, or calls that it wants to
-be made before it goes on; it returns the rows."""
+be made before it goes on; it returns the rows.  Memory that calls touch lives as long as they."""
 
 _Key = tuple[float, int, float, int]
 

@@ -18,9 +18,8 @@ from numpy.typing import NDArray
 
 from ...numerics.library import find_library
 from .blocks import Matrix
-from .buffer import Array, allocate_aligned
-from .instructions import DELAY, Instruction, find_address, find_spans, write_words
-from .layout import BufferLayout
+from .buffer import Array, BufferLayout, allocate_aligned
+from .instructions import Instruction, Kind, find_address, find_spans, write_words
 
 REFERENCE = 2**31 - 1
 """Value reference of a String that no description lists: the address of the core."""
@@ -115,27 +114,6 @@ class Core(ctypes.Structure):
         ("native_steps", c_int64), ("python_steps", c_int64),
     )  # fmt: skip
 
-    plain: int
-    n_target: int
-    n_maps: int
-    n_row: int
-    n_spans: int
-    n_rows: int
-    all_rows: int
-    calls: int | None
-    stepping: int
-    pending: int
-    watching: int
-    time: float
-    step: float
-    time_slack: float
-    step_slack: float
-    last_start: float
-    count: int
-    block: int
-    native_steps: int
-    python_steps: int
-
     arrays: dict[str, NDArray[Any]]
     """By the name of their word."""
     source: Array
@@ -193,7 +171,7 @@ class Core(ctypes.Structure):
         written = {place for element in self.elements.every for place in element.list_writes()}
         written |= set(range((row - first) // 8, (row - first) // 8 + self.n_row))
         spans = find_spans([place for place in written if place not in kept_as_target])
-        rings = [element.n + 1 for element in self.elements.every if element.kind == DELAY]
+        rings = [element.n + 1 for element in self.elements.every if element.kind == Kind.DELAY]
         room = np.zeros((len(spans) + len(rings) + 1, 2), dtype=np.int64)
         self._point(spans=spans, kept_spans=room)
         self._point(kept_values=np.zeros(int(spans[:, 1].sum()) + sum(rings) + self.n_target))

@@ -20,24 +20,12 @@ from .blocks import store_by_columns
 from .buffer import Array
 from .guard import ModelError
 from .instructions import (
-    CLIP,
-    COUNT,
-    DELAY,
     DELAY_NEWEST,
     DELAY_OUT,
     DELAY_RING,
-    EXCESS,
-    HOLD,
-    LINEAR,
-    PRODUCT,
-    QUANTISE,
-    RAMP,
-    SAMPLE,
-    SINE,
-    SPARSE,
-    WATCH,
     Finder,
     Instruction,
+    Kind,
     Operand,
     Places,
     tell_neighbours,
@@ -74,11 +62,11 @@ class Sample(Element):
     period: float
 
     def instruct(self, find: Finder) -> Instruction:
-        """See :meth:`Element.instruct`."""
         target = find.targets("target", self.target)
         source = find.places("source", self.source, target.size)
         clock = int(find.memory("clock", self.clock, 1)[0])
-        return Instruction(SAMPLE, target, source, n=target.size, clock=clock, time=_time("period", self.period, True))
+        period = _time("period", self.period, True)
+        return Instruction(Kind.SAMPLE, target, source, n=target.size, clock=clock, time=period)
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,12 +84,11 @@ class Hold(Element):
     period: float
 
     def instruct(self, find: Finder) -> Instruction:
-        """See :meth:`Element.instruct`."""
         target = find.targets("values", self.values)
         kept = find.memory("kept", self.kept, target.size)
         clock = int(find.memory("clock", self.clock, 1)[0])
         period = _time("period", self.period, True)
-        return Instruction(HOLD, target, second=kept, n=target.size, clock=clock, time=period)
+        return Instruction(Kind.HOLD, target, second=kept, n=target.size, clock=clock, time=period)
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,14 +105,13 @@ class Ramp(Element):
     """Largest rate, 0 or greater, in units of the command per s; may be infinite."""
 
     def instruct(self, find: Finder) -> Instruction:
-        """See :meth:`Element.instruct`."""
         target = find.targets("rate", self.rate)
         n = target.size
         limit = find.constants("limit", self.limit, n, finite=False)
         if (limit < 0.0).any():
             raise ValueError(f"limit: expected 0 or greater, got {self.limit!r}")
         command, reference = find.places("command", self.command, n), find.places("reference", self.reference, n)
-        return Instruction(RAMP, target, command, reference, -limit, limit, n=n)
+        return Instruction(Kind.RAMP, target, command, reference, -limit, limit, n=n)
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,10 +123,9 @@ class Product(Element):
     target: Operand
 
     def instruct(self, find: Finder) -> Instruction:
-        """See :meth:`Element.instruct`."""
         target = find.targets("target", self.target)
         first, second = (find.places(name, getattr(self, name), target.size) for name in ("first", "second"))
-        return Instruction(PRODUCT, target, first, second, n=target.size)
+        return Instruction(Kind.PRODUCT, target, first, second, n=target.size)
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,7 +137,6 @@ class Linear(Element):
     target: Operand
 
     def instruct(self, find: Finder) -> Instruction:
-        """See :meth:`Element.instruct`."""
         target, source = find.targets("target", self.target), find.places("source", self.source)
         matrix = np.asarray(self.matrix, dtype=np.float64)
         if matrix.shape != (target.size, source.size):
@@ -163,7 +147,7 @@ class Linear(Element):
         if target.size * entries <= _SPARSE * source.size:
             return _instruct_sparse(target, source, matrix, entries)
         columns = store_by_columns(matrix)
-        return Instruction(LINEAR, target, source, matrix=columns, n=target.size, n_source=source.size)
+        return Instruction(Kind.LINEAR, target, source, matrix=columns, n=target.size, n_source=source.size)
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,10 +161,9 @@ class Clip(Element):
     """A Boolean output, by its view or its name, that becomes 1 where a limit is met; it does not become 0."""
 
     def instruct(self, find: Finder) -> Instruction:
-        """See :meth:`Element.instruct`."""
         target = find.targets("values", self.values)
         low, high = _limits(find, self.lower, self.upper, target.size)
-        return Instruction(CLIP, target, low=low, high=high, n=target.size, clock=find.flag("flag", self.flag))
+        return Instruction(Kind.CLIP, target, low=low, high=high, n=target.size, clock=find.flag("flag", self.flag))
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,11 +176,10 @@ class Excess(Element):
     target: Operand
 
     def instruct(self, find: Finder) -> Instruction:
-        """See :meth:`Element.instruct`."""
         target = find.targets("target", self.target)
         source = find.places("source", self.source, target.size)
         low, high = _limits(find, self.lower, self.upper, target.size)
-        return Instruction(EXCESS, target, source, low=low, high=high, n=target.size)
+        return Instruction(Kind.EXCESS, target, source, low=low, high=high, n=target.size)
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,11 +192,10 @@ class Sine(Element):
     target: Operand
 
     def instruct(self, find: Finder) -> Instruction:
-        """See :meth:`Element.instruct`."""
         target = find.targets("target", self.target)
         source = find.places("source", self.source, target.size)
         low, high = (find.constants(name, getattr(self, name), target.size) for name in ("factor", "phase"))
-        return Instruction(SINE, target, source, low=low, high=high, n=target.size)
+        return Instruction(Kind.SINE, target, source, low=low, high=high, n=target.size)
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,13 +206,12 @@ class Quantise(Element):
     resolution: ArrayLike
 
     def instruct(self, find: Finder) -> Instruction:
-        """See :meth:`Element.instruct`."""
         target = find.targets("values", self.values)
         resolution = find.constants("resolution", self.resolution, target.size)
         if (resolution < 0.0).any():
             raise ValueError(f"resolution: expected 0 or greater, got {self.resolution!r}")
         neighbours = tell_neighbours(target) if resolution.all() else 0
-        return Instruction(QUANTISE, target, low=resolution, n=target.size, n_source=neighbours)
+        return Instruction(Kind.QUANTISE, target, low=resolution, n=target.size, n_source=neighbours)
 
 
 @dataclass(frozen=True, eq=False)
@@ -250,7 +230,6 @@ class Delay(Element):
     sampled: Sample | Hold | None = None
 
     def instruct(self, find: Finder) -> Instruction:
-        """See :meth:`Element.instruct`."""
         target = find.targets("values", self.values)
         n = target.size
         ring = find.places("ring", self.ring)
@@ -263,7 +242,7 @@ class Delay(Element):
                 kept = f"{find.value(place):g}; expected 0 to {rows - 1}"
                 raise ModelError(f"delay of {n} values: it keeps the row {kept}")
         found = Instruction(
-            DELAY, target, n=n, n_source=rows, clock=int(ring[0]), time=_time("delay", self.delay, False)
+            Kind.DELAY, target, n=n, n_source=rows, clock=int(ring[0]), time=_time("delay", self.delay, False)
         )
         if self.sampled is None:
             return found
@@ -294,14 +273,13 @@ class Watch(Element):
     least: ArrayLike = 0.0
 
     def instruct(self, find: Finder) -> Instruction:
-        """See :meth:`Element.instruct`."""
         source = find.places("values", self.values)
         n = source.size
         centre = find.places("centre", self.centre, n)
         high = find.constants("distance", self.distance, n, finite=False)
         low = find.constants("least", self.least, n, finite=False)
         last = None if self.last is None else find.memory("last", self.last, n)
-        return Instruction(WATCH, last, source, centre, low, high, n=n, n_source=tell_neighbours(source, centre))
+        return Instruction(Kind.WATCH, last, source, centre, low, high, n=n, n_source=tell_neighbours(source, centre))
 
 
 @dataclass(frozen=True, eq=False)
@@ -318,7 +296,6 @@ class Count(Element):
     """As many as values, or one for the sum."""
 
     def instruct(self, find: Finder) -> Instruction:
-        """See :meth:`Element.instruct`."""
         source = find.places("values", self.values)
         n = source.size
         target = find.targets("target", self.target)
@@ -326,14 +303,14 @@ class Count(Element):
             raise ValueError(f"target has {target.size} numbers; expected 1 or {n}")
         high = find.constants("above", self.above, n, finite=False)
         kept = find.memory("kept", self.kept, 2 * n)
-        return Instruction(COUNT, target, source, kept, high=high, n=n, n_source=target.size)
+        return Instruction(Kind.COUNT, target, source, kept, high=high, n=n, n_source=target.size)
 
 
 def _instruct_sparse(target: Places, source: Places, matrix: Array, entries: int) -> Instruction:
     """As many ``entries`` of each row, in their order: all that are not zero, and the first of the others."""
     columns = np.sort(np.argsort(matrix == 0.0, axis=1, kind="stable")[:, :entries], axis=1)
     factors = np.take_along_axis(matrix, columns, axis=1).copy()
-    return Instruction(SPARSE, target, source[columns].ravel(), matrix=factors, n=target.size, n_source=entries)
+    return Instruction(Kind.SPARSE, target, source[columns].ravel(), matrix=factors, n=target.size, n_source=entries)
 
 
 def _time(what: str, value: float, above: bool) -> float:

@@ -10,9 +10,8 @@ from collections.abc import Iterator
 from math import log10
 from typing import NamedTuple
 
-from .buffer import Array
+from .buffer import Array, BufferLayout
 from .guard import ModelError, Refused
-from .layout import BufferLayout
 
 FAR = 1e6  # factor; the arithmetic of the default system fails from 1e8 on
 _MOST = 3  # of such values in a message

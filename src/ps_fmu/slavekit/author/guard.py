@@ -3,8 +3,7 @@
 When a call into Python raises, the library (0.7.0) releases references that it goes on using: the class, the instance
 and the instance's log list, once per exception.  After one to three exceptions they are freed and the host crashes.
 (The dictionary of the entry module meets the same fate at each instantiation.)  The library also takes the text of the
-exception for a printf format, and tells nothing to hosts that have logging off.  :func:`guard_method` makes up for
-all that.
+exception for a printf format, and tells nothing to hosts that have logging off.  :func:`protect` makes up for all that.
 
 What it reads of the bases of a class, to see whether that is a slave, it never releases: :func:`find_stand_in` leaves
 it little to read.
@@ -17,10 +16,9 @@ import ctypes
 import functools
 import sys
 import traceback
-from collections.abc import Callable
-from typing import Any, NoReturn, TypeVar
-
-F = TypeVar("F", bound=Callable[..., Any])
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any, NoReturn
 
 
 class ModelError(ValueError):
@@ -37,6 +35,17 @@ class FmuError(RuntimeError):
     def __repr__(self) -> str:
         """The text alone: the library logs this."""
         return str(self)
+
+
+@dataclass(frozen=True)
+class Unreadable:
+    """Stands for bytes that are no valid state.  Each instance refuses it, and gives the reason.
+
+    pythonfmu's library has the class read bytes.  An exception from there would cost the bytes, and with
+    :func:`_escape_class` all other instances: none of them would ever be freed.
+    """
+
+    why: str
 
 
 def find_stand_in() -> type:
@@ -100,7 +109,7 @@ def keep_alive(*objects: object) -> None:
         ctypes.pythonapi.Py_IncRef(ctypes.py_object(item))
 
 
-def escape(slave: Any, error: BaseException) -> None:
+def _escape(slave: Any, error: BaseException) -> None:
     """Report an exception, compensate for it and raise FmuError in its place, before it reaches the library.
 
     ``slave`` has ``hosted`` (is it driven by the library?), ``label`` and ``log_queue``.  Without the library the
@@ -125,11 +134,11 @@ def raise_compensated(slave: object, label: str, log_queue: list[Any], error: Ba
     _raise_reported(label, error, before)
 
 
-def escape_class(cls: Any, error: BaseException) -> None:
-    """As :func:`escape`, where the instance is not known: this compensates for all instances that are alive.
+def _escape_class(cls: Any, error: BaseException) -> None:
+    """As :func:`_escape`, where the instance is not known: this compensates for all instances that are alive.
 
     After a fault here, the others are thus never freed.  Bytes that cannot be read are no such fault: see
-    :class:`.state.Unreadable`.
+    :class:`Unreadable`.
     """
     hosted = [slave for slave in cls.instances if slave.hosted]
     if hosted:
@@ -144,24 +153,27 @@ def _raise_reported(label: str, error: BaseException, more: str = "") -> NoRetur
     raise FmuError(text.replace("%", "%%")) from error
 
 
-def _guard_by(escape_from: Callable[[Any, BaseException], None]) -> Callable[[F], F]:
-    """A decorator for methods: an exception goes through ``escape_from``, with what the method is called on."""
+def protect(cls: Any, calls: Iterable[str], class_calls: Iterable[str]) -> None:
+    """Put a border around the methods that the library calls, also around those that a subclass overrides.
 
-    def guard(method: F) -> F:
-        @functools.wraps(method)
-        def wrapper(owner: Any, *args: Any) -> Any:
-            try:
-                return method(owner, *args)
-            except BaseException as error:
-                escape_from(owner, error)
-                raise
-
-        return wrapper  # type: ignore[return-value]
-
-    return guard
+    Their exceptions go through :func:`_escape`, those of class methods through :func:`_escape_class`.
+    """
+    for names, escape in ((calls, _escape), (class_calls, _escape_class)):
+        for name in names:
+            method = getattr(cls, name)
+            if not hasattr(method, "is_guarded"):
+                guarded = _guard(getattr(method, "__func__", method), escape)
+                setattr(cls, name, classmethod(guarded) if hasattr(method, "__self__") else guarded)
 
 
-guard_method = _guard_by(escape)
-"""For methods that the library calls and that may raise, see :func:`escape`."""
-guard_class_method = _guard_by(escape_class)
-"""As :func:`guard_method`, for what the library calls on the class: below ``@classmethod``."""
+def _guard(method: Callable[..., Any], escape: Callable[[Any, BaseException], None]) -> Any:
+    @functools.wraps(method)
+    def wrapper(owner: Any, *args: Any) -> Any:
+        try:
+            return method(owner, *args)
+        except BaseException as error:
+            escape(owner, error)
+            raise
+
+    wrapper.is_guarded = True  # type: ignore[attr-defined]
+    return wrapper

@@ -6,13 +6,13 @@ import ctypes
 from collections.abc import Sequence
 from ctypes import c_double, c_int64, c_void_p
 from dataclasses import dataclass
+from enum import IntEnum
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .buffer import Array
-from .layout import BufferLayout
+from .buffer import Array, BufferLayout
 
 Places = NDArray[np.int64]
 """Places in the buffer, (n,)."""
@@ -21,17 +21,20 @@ Operand = Array | Places
 _NEAR = 16  # numbers
 _MANY = 8  # numbers
 
-(
-    SAMPLE, RAMP, PRODUCT, LINEAR, CLIP, EXCESS, SINE, QUANTISE, HOLD, DELAY, WATCH, COUNT, SPARSE,
-) = range(1, 14)  # fmt: skip
 DELAY_NEWEST, DELAY_OUT, DELAY_AGE, DELAY_NEWEST_AGE, DELAY_RING = range(5)
+
+
+class Kind(IntEnum):
+    """As in ``native/kernel/core.h``."""
+
+    SAMPLE, RAMP, PRODUCT, LINEAR, CLIP, EXCESS, SINE, QUANTISE, HOLD, DELAY, WATCH, COUNT, SPARSE = range(1, 14)
 
 
 @dataclass(frozen=True, eq=False)
 class Instruction:
-    """What an element is made of; ``launcher/elements.c`` or ``timed.c`` says which kind uses what, and for what."""
+    """What an element is made of; ``elements.c`` and ``timed.c`` say which kind uses what, and for what."""
 
-    kind: int
+    kind: Kind
     target: Places | None = None
     source: Places | None = None
     second: Places | None = None
@@ -48,16 +51,16 @@ class Instruction:
     def list_writes(self) -> list[int]:
         """Places that it writes, without a ring."""
         written = [] if self.target is None else self.target.tolist()
-        if self.second is not None and self.kind in (HOLD, COUNT):
+        if self.second is not None and self.kind in (Kind.HOLD, Kind.COUNT):
             written += self.second.tolist()
-        n_kept = 0 if self.clock < 0 else DELAY_RING if self.kind == DELAY else 1
+        n_kept = 0 if self.clock < 0 else DELAY_RING if self.kind == Kind.DELAY else 1
         return [*written, *range(self.clock, self.clock + n_kept)]
 
     def count_scratch(self) -> int:
         """Numbers that the kernel needs beside the buffer."""
         if self.matrix is None:
             return 0
-        return self.n if self.kind == SPARSE else self.matrix.shape[1] + self.n_source
+        return self.n if self.kind == Kind.SPARSE else self.matrix.shape[1] + self.n_source
 
 
 def tell_neighbours(*lists: Places) -> int:

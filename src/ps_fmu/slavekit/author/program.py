@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from .buffer import Array
+from .buffer import Array, BufferLayout
 from .core import Elements, Map
 from .elements import Element
 from .guard import ModelError
-from .instructions import DELAY, DELAY_AGE, DELAY_NEWEST, DELAY_OUT, DELAY_RING, Finder, Instruction
-from .layout import BufferLayout
+from .instructions import DELAY_AGE, DELAY_NEWEST, DELAY_OUT, DELAY_RING, Finder, Instruction, Kind
 
 
 class StepMap(NamedTuple):
@@ -56,7 +55,7 @@ def _compile(where: str, elements: Sequence[Element], find: Finder) -> list[Inst
 def find_full_delay(elements: Elements, data: Array, step: float) -> str:
     """What to say of a delay that cannot keep another step of ``step`` (s); empty: all can."""
     for e in elements.every:
-        if e.kind == DELAY:
+        if e.kind == Kind.DELAY:
             newest, out = (int(data[e.clock + kept]) for kept in (DELAY_NEWEST, DELAY_OUT))
             gap = data[e.clock + DELAY_RING + (out + 1) % e.n_source * (e.n + 1)]
             is_late = data[e.clock + DELAY_AGE] + step - gap >= e.time - 1e-6 * step - 1e-9 * e.time

@@ -19,7 +19,7 @@ from types import ModuleType
 from typing import Any, ClassVar
 from weakref import WeakValueDictionary
 
-from .guard import FmuError, Refused, describe, keep_alive, raise_compensated, report
+from .guard import FmuError, Refused, Unreadable, describe, keep_alive, raise_compensated, report
 
 _CORE_REFERENCE = 2**31 - 1  # the launcher asks for this String; see core.REFERENCE, which needs numpy
 _CALLS = ("setup_experiment", "enter_initialization_mode", "exit_initialization_mode", "terminate")
@@ -119,16 +119,6 @@ def _is_slave(cls: type) -> bool:
 # --- The border -------------------------------------------------------------------------------------------------------
 
 
-class _Unreadable:
-    """What bytes become that the slave cannot read; the slave that it is set to says why.
-
-    An exception where the bytes are read would cost all other instances, see :func:`.guard.escape_class`.
-    """
-
-    def __init__(self, why: str) -> None:
-        self.why = why
-
-
 def _guard(method: Callable[..., Any]) -> Callable[..., Any]:
     """``method``, whose exceptions are reported, and made harmless where pythonfmu's library makes the call."""
 
@@ -200,14 +190,14 @@ class _Border:
 
     @_guard
     def _set_fmu_state(self, state: Any) -> None:
-        if isinstance(state, _Unreadable):
+        if isinstance(state, Unreadable):
             raise Refused(state.why)
         self._ps_fmu_model._set_fmu_state(self, state)
 
     @classmethod
     def _fmu_state_to_bytes(cls, state: Any) -> bytes:
         """None at all of what is unreadable: by that the launcher knows it."""
-        if isinstance(state, _Unreadable):
+        if isinstance(state, Unreadable):
             return b""
         try:
             return bytes(cls._ps_fmu_model._fmu_state_to_bytes(state))
@@ -225,7 +215,7 @@ class _Border:
         try:
             return cls._ps_fmu_model._fmu_state_from_bytes(state)
         except Exception as error:
-            return _Unreadable(f"the bytes are no FMU state of this slave: {describe(error)}")
+            return Unreadable(f"the bytes are no FMU state of this slave: {describe(error)}")
 
 
 def protect(model: type) -> type:

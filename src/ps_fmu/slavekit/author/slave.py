@@ -14,7 +14,9 @@ Every call checks its arguments and the phase, and a refused call changes nothin
 
 from __future__ import annotations
 
+import os
 import sys
+import threading
 from math import inf, isfinite
 from typing import Any, ClassVar
 from weakref import WeakSet
@@ -24,13 +26,11 @@ import numpy as np
 from pythonfmu.enums import Fmi2Status
 
 from ... import __version__
-from .buffer import copy_aligned
+from .buffer import BufferLayout, copy_aligned
 from .far import blame
-from .guard import ModelError, Refused, guard_class_method, guard_method, report
-from .layout import BufferLayout
-from .state import Derived, LifePhase, SlaveState, Unreadable, from_bytes, to_bytes
+from .guard import ModelError, Refused, Unreadable, protect, report
+from .state import Derived, LifePhase, SlaveState, from_bytes, to_bytes
 from .stepper import Stepper
-from .threads import forget_host_thread
 from .variables import Port, numbered, vector
 
 __all__ = ["LifePhase", "ModelError", "Port", "Refused", "Slave", "numbered", "vector"]
@@ -47,7 +47,7 @@ class Slave(Stepper):
     """FMI 2.0 co-simulation slave.  Subclasses fill in what :class:`.model.Model` lists."""
 
     instances: ClassVar[WeakSet[Slave]]
-    """All that are alive, for :func:`.guard.escape_class`."""
+    """All that are alive, for :mod:`.guard`."""
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
@@ -62,10 +62,7 @@ class Slave(Stepper):
         flags = {port.name for port in cls.ports if port.causality == "output" and port.type == "Boolean"}
         if cls.limit_flag and cls.limit_flag not in flags:
             raise TypeError(f"{cls.__name__}: limit_flag = {cls.limit_flag!r} is no Boolean output")
-        for name in _CALLED_BY_HOSTS:
-            method = getattr(cls, name)
-            if method is not getattr(Slave, name):  # what a model overrides may raise, too
-                setattr(cls, name, guard_method(method))
+        protect(cls, _CALLED_BY_HOSTS, ("_fmu_state_to_bytes", "_fmu_state_from_bytes"))
         cls.instances = WeakSet()
         cls.layout = BufferLayout(
             cls.__name__, __version__, cls.ports, cls.n_states, cls.n_auxiliary, cls.n_memory, cls.n_row
@@ -76,13 +73,12 @@ class Slave(Stepper):
         self.label = f"{type(self).__name__} {self.instance_name!r}"
         self.hosted = "logger" in kwargs  # only pythonfmu's native library passes one
         if self.hosted:
-            forget_host_thread()
+            _forget_host_thread()
         self._allocate()
         self.instances.add(self)
 
     # --- Life cycle ---------------------------------------------------------------------
 
-    @guard_method
     def setup_experiment(
         self, start_time: float, stop_time: float | None = None, tolerance: float | None = None
     ) -> None:
@@ -98,21 +94,18 @@ class Slave(Stepper):
         self._ready = True
         self._stale = True  # outputs may have been read before; a model may use the start time
 
-    @guard_method
     def enter_initialization_mode(self) -> None:
         self._require("enter_initialization_mode", LifePhase.INSTANTIATED)
         if not self._ready:
             raise Refused("enter_initialization_mode: setup_experiment has to be called before")
         self._enter(LifePhase.INITIALISATION)
 
-    @guard_method
     def exit_initialization_mode(self) -> None:
         self._require("exit_initialization_mode", LifePhase.INITIALISATION)
         if self._stale:
             self._configure()
         self._enter(LifePhase.STEPPING)
 
-    @guard_method
     def terminate(self) -> None:
         self._require("terminate", LifePhase.STEPPING)
         self._enter(LifePhase.TERMINATED)
@@ -156,13 +149,11 @@ class Slave(Stepper):
 
     # --- FMU state ----------------------------------------------------------------------
 
-    @guard_method
     def _get_fmu_state(self) -> SlaveState:
         buffer = self._buffer
         values, derived = (buffer.data.copy(), tuple(buffer.strings)), Derived(self._derived, self._table)
         return SlaveState(self.layout.identity, self._read_clock(), *values, derived)
 
-    @guard_method
     def _set_fmu_state(self, state: SlaveState | Unreadable) -> None:
         state = self._check_state(state)
         derived = self._find_derived(state)
@@ -209,13 +200,11 @@ class Slave(Stepper):
             self._recall(state.clock, self._compute_table_again(state.clock))
 
     @classmethod
-    @guard_class_method
     def _fmu_state_to_bytes(cls, state: SlaveState | Unreadable) -> bytes:
         """None at all of what is unreadable: by that the launcher knows it."""
         return b"" if isinstance(state, Unreadable) else to_bytes(state)
 
     @classmethod
-    @guard_class_method
     def _fmu_state_from_bytes(cls, state: bytes) -> SlaveState | Unreadable:
         try:
             return from_bytes(state, cls.layout)
@@ -244,7 +233,19 @@ class Slave(Stepper):
     # --- Description --------------------------------------------------------------------
 
     def to_xml(self, model_options: dict[str, str] | None = None) -> Element:
-        """The complete ``fmiModelDescription``, see :mod:`.model_description`; the options are its own."""
-        from .model_description import model_description
+        """The complete ``fmiModelDescription``, see :mod:`.description`; the options are its own."""
+        from .description import model_description
 
         return model_description(self, super().to_xml)
+
+
+def _forget_host_thread() -> None:
+    """Let Python end although a thread of the host, not the main one, was the first to import ``threading``.
+
+    Python 3.11 and 3.12 take such a thread for the main one and wait at exit until it has ended, which libcosim's
+    do after that only.  Newer ones have no such list.
+    """
+    main = threading.main_thread()
+    waited_for = getattr(threading, "_shutdown_locks", None)
+    if waited_for is not None and main.native_id != os.getpid():
+        waited_for.discard(getattr(main, "_tstate_lock", None))

@@ -20,8 +20,8 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from .buffer import BufferLayout
 from .guard import Refused
-from .layout import BufferLayout
 
 Array = NDArray[np.float64]
 
@@ -90,17 +90,6 @@ class SlaveState:
     strings: tuple[str, ...]
     derived: Derived | None = field(default=None, compare=False)
     """None: of bytes."""
-
-
-@dataclass(frozen=True)
-class Unreadable:
-    """Stands for bytes that are no valid state.  Each instance refuses it, and gives the reason.
-
-    pythonfmu's library has the class read bytes.  An exception from there would cost the bytes, and with
-    :func:`.guard.escape_class` all other instances: none of them would ever be freed.
-    """
-
-    why: str
 
 
 def to_bytes(state: SlaveState) -> bytes:

@@ -12,7 +12,7 @@ from .buffer import Array
 from .core import FOUND_DUE, Elements, Map, OutputLimits, Step
 from .elements import Element
 from .far import blame
-from .guard import ModelError, Refused, escape, report
+from .guard import ModelError, Refused, report
 from .program import StepMap, compile_elements, find_full_delay
 from .state import Derived, LifePhase, SlaveClock, SlaveState
 from .tables import Tables
@@ -93,10 +93,8 @@ class Stepper(Tables):
                 self._step_carefully(current_time, step_size)
             core.python_steps += 1
             return True
-        except BaseException as error:
-            if isinstance(error, (ModelError, Refused)):
-                error.args = (f"step from t = {core.time:.9g} s refused: {error}",)
-            escape(self, error)
+        except (ModelError, Refused) as error:
+            error.args = (f"step from t = {core.time:.9g} s refused: {error}",)
             raise
 
     # --- Behind it ----------------------------------------------------------------------

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
-from .layout import BufferLayout
+from .buffer import BufferLayout
 
 _FMI_VERSION = "3.0"  # of the schema
 

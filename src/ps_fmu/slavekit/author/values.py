@@ -7,11 +7,10 @@ from abc import abstractmethod
 from collections.abc import Sequence
 from typing import Any, ClassVar
 
-from .buffer import Array, Buffer
+from .buffer import Array, Buffer, BufferLayout
 from .core import REFERENCE, make_core
-from .guard import Refused, guard_method
+from .guard import Refused
 from .instructions import Finder, Places
-from .layout import BufferLayout
 from .model import Model
 from .state import LifePhase
 from .variables import Value
@@ -60,37 +59,29 @@ class Values(Model):
 
     # --- For hosts ----------------------------------------------------------------------
 
-    @guard_method
     def get_real(self, vrs: list[int]) -> list[float]:
         return self._get("Real", vrs)
 
-    @guard_method
     def get_integer(self, vrs: list[int]) -> list[int]:
         return self._get("Integer", vrs)
 
-    @guard_method
     def get_boolean(self, vrs: list[int]) -> list[bool]:
         return self._get("Boolean", vrs)
 
-    @guard_method
     def get_string(self, vrs: list[int]) -> list[str]:
         if vrs == [REFERENCE]:
             return [str(ctypes.addressof(self._core) if self.native else 0)]
         return self._get("String", vrs)
 
-    @guard_method
     def set_real(self, vrs: list[int], values: list[float]) -> None:
         self._set("Real", vrs, values)
 
-    @guard_method
     def set_integer(self, vrs: list[int], values: list[int]) -> None:
         self._set("Integer", vrs, values)
 
-    @guard_method
     def set_boolean(self, vrs: list[int], values: list[bool]) -> None:
         self._set("Boolean", vrs, values)
 
-    @guard_method
     def set_string(self, vrs: list[int], values: list[str]) -> None:
         self._set("String", vrs, values)
 

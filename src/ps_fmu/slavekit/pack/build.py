@@ -23,29 +23,31 @@ from typing import Any
 import pythonfmu
 from pythonfmu.builder import FmuBuilder, get_model_class
 
-from ..author.model_description import CAPABILITIES, make_guid
+from ..author.description import CAPABILITIES
 from ..author.slave import Slave
 from ..author.terminals import write_terminals
-from . import licenses, smoke
-from . import zip_writer as archive
-from .bundle import BundleError, bundle
 from .bundle import check as check_bundle
-from .dependencies import write_external_dependencies
-from .entry import write_entry
 from .errors import BuildError
-from .files import write_atomically
-from .launch import OLDEST_PYTHON, put_launcher_in_front, write_notes
-from .licenses import LicenseError
-from .modules import pack_modules
+from .files import compute_digest, read_zip, write_atomically, write_zip
+from .launch import (
+    DOCUMENTATION,
+    PACKAGE,
+    RESOURCES,
+    add_modules,
+    add_notes,
+    check_interpreter,
+    name_package,
+    put_launcher_in_front,
+)  # fmt: skip
+from .licenses import collect_source_licenses
+from .modules import write_entry
 from .page import write_page
-from .sources import Files, SourceError, collect_modules, find_imports, find_needed_modules, rename_imports
-from .wrap import PACKAGE, check_interpreter, name_package
+from .sources import Files, collect_modules, find_imports, find_needed_modules, rename_imports
+from .stages import check_trial
 
-_RESOURCES = PurePosixPath("resources")
 _DESCRIPTION = PurePosixPath("modelDescription.xml")
 _TERMINALS = PurePosixPath("terminalsAndIcons", "terminalsAndIcons.xml")
 _ICON = PurePosixPath("model.png")
-_DOCUMENTATION = PurePosixPath("documentation")
 _NO_TOOL_NEEDED = b'needsExecutionTool="true"', b'needsExecutionTool="false"'
 _GUID = re.compile(rb'guid="[^"]*"')
 
@@ -95,11 +97,11 @@ def build_one(folder: Path, output: Path, *, interpreter: Path | None = None, bu
             stock, slave = _run_pythonfmu(script, Path(temporary))
             name, files = _repackage(stock, slave, script, interpreter, bundled)
             fmu = Path(temporary) / f"{name}.fmu"
-            archive.write(fmu, files)
-            smoke.check(fmu)
+            write_zip(fmu, files)
+            check_trial(fmu)
             if bundled:
                 check_bundle(fmu)
-        except (SourceError, BundleError, LicenseError, smoke.SmokeError, smoke.StateError) as error:
+        except BuildError as error:
             raise BuildError(f"{folder.name}: {error}") from None
         result = output / fmu.name
         write_atomically(result, fmu.read_bytes())
@@ -113,7 +115,7 @@ def _run_pythonfmu(script: Path, output: Path) -> tuple[Path, type[Slave]]:
             fmu = Path(FmuBuilder.build_FMU(script, dest=output / "stock.fmu", **CAPABILITIES))
             return fmu, get_model_class(script)
         except (Exception, SystemExit) as error:
-            raise BuildError(f"{script.parent.name}: {type(error).__name__}: {error}") from error
+            raise BuildError(f"{type(error).__name__}: {error}") from error
 
 
 @contextlib.contextmanager
@@ -135,14 +137,14 @@ def _repackage(
     stock: Path, slave: type[Slave], script: Path, interpreter: Path | None, bundled: bool
 ) -> tuple[str, Files]:
     """Model name and files of the final FMU, from pythonfmu's and the sources."""
-    built = archive.read(stock)
+    built = read_zip(stock)
     model = _read_model_name(built[_DESCRIPTION])
     files = put_launcher_in_front(built, model)
     files[_DESCRIPTION] = _GUID.sub(b'guid=""', built[_DESCRIPTION], count=1)
     sources = _collect_sources(script)
     package = name_package(_collect_shared_sources(script.parent.parent))
     files |= _write_documentation(script.parent, slave, files[_DESCRIPTION])
-    digest = archive.compute_digest(files | sources | {_RESOURCES / package: b""})
+    digest = compute_digest(files | sources | {RESOURCES / package: b""})
     module = f"{script.stem}_{hashlib.sha256(script.read_bytes()).hexdigest()[:12]}"
     names = {"ps_fmu": package, "pythonfmu": f"{package}.pythonfmu"}
     inside: Files = {}
@@ -153,24 +155,13 @@ def _repackage(
         if name == _place_of(script):
             place = place.with_stem(module)  # FMUs that share the package may have another slave of this name
         inside[place] = content
-    archived, packed = pack_modules(package, inside)
-    files |= {_RESOURCES / package / name: content for name, content in packed.items()}
     entry = f"{script.stem}_{digest.hex()[:12]}"
-    files[_RESOURCES / f"{entry}.py"] = write_entry(package, archived, module, model)
-    files[_RESOURCES / "slavemodule.txt"] = entry.encode()
-    guid = make_guid(digest)
+    add_modules(files, package, inside, entry, lambda archived: write_entry(package, archived, module, model))
+    needed, licenses = find_needed_modules(f"ps_fmu.{script.stem}", sources), collect_source_licenses(sources)
+    guid = add_notes(files, model, digest, needed, licenses, interpreter=interpreter, bundled=bundled)
     files[_DESCRIPTION] = files[_DESCRIPTION].replace(b'guid=""', f'guid="{guid}"'.encode(), 1)
-    modules = find_needed_modules(f"ps_fmu.{script.stem}", sources)
-    files[_RESOURCES / "launcher.txt"] = write_notes(guid, modules, interpreter)
-    dependencies = write_external_dependencies(model, OLDEST_PYTHON, modules, bundled)
-    files[_DOCUMENTATION / "externalDependencies.txt"] = dependencies
-    texts = list(licenses.collect_source_licenses(sources))
     if bundled:
-        runtime = bundle(modules)
-        texts += runtime.licenses
-        files |= {PurePosixPath("binaries/linux64") / name: content for name, content in runtime.files.items()}
         files[_DESCRIPTION] = files[_DESCRIPTION].replace(*_NO_TOOL_NEEDED, 1)
-    files |= licenses.write_licenses(texts)
     return model, files
 
 
@@ -192,7 +183,7 @@ def _collect_shared_sources(fmus: Path) -> Files:
     """
     files: Files = {}
     for folder in find_folders(fmus):
-        with contextlib.suppress(SourceError):
+        with contextlib.suppress(BuildError):
             files |= _collect_modules(folder / f"{folder.name}.py")
     return files
 
@@ -208,13 +199,11 @@ def _collect_sources(script: Path) -> Files:
     for name in find_imports(script.read_text(encoding="utf-8"), script.name, ""):
         helper = script.with_name(f"{name.partition('.')[0]}.py")
         if helper.is_file():
-            raise SourceError(
-                f"{script.name} imports {helper.name} beside it: move that to ps_fmu to have it packaged"
-            )
+            raise BuildError(f"{script.name} imports {helper.name} beside it: move that to ps_fmu to have it packaged")
     sources = _collect_modules(script)
     place = _place_of(script)
     if place in sources or (PACKAGE / script.stem).is_dir():
-        raise SourceError(f"{script.name} has the name of a module of ps_fmu: give it another one")
+        raise BuildError(f"{script.name} has the name of a module of ps_fmu: give it another one")
     return sources | {place: script.read_bytes()}
 
 
@@ -222,12 +211,12 @@ def _write_documentation(folder: Path, slave: type[Slave], description: bytes) -
     """What no simulation needs: page, terminals, icon."""
     readme, icon = folder / "README.md", folder / "icon.png"
     if not readme.is_file():
-        raise BuildError(f"{folder.name}: no README.md, which becomes the FMU's documentation")
+        raise BuildError("there is no README.md, which becomes the FMU's documentation")
     try:
         terminals = write_terminals(slave.terminals, slave.layout) if slave.terminals else None
-        files = {_DOCUMENTATION / "index.html": write_page(readme.read_text(encoding="utf-8"), description, terminals)}
+        files = {DOCUMENTATION / "index.html": write_page(readme.read_text(encoding="utf-8"), description, terminals)}
     except (KeyError, ValueError) as error:
-        raise BuildError(f"{folder.name}: {error.args[0]}") from None
+        raise BuildError(str(error.args[0])) from None
     if terminals is not None:
         files[_TERMINALS] = terminals
     if icon.is_file():

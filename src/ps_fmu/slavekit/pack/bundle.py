@@ -18,6 +18,7 @@ import functools
 import importlib.metadata
 import json
 import re
+import struct
 import subprocess
 import sys
 import sysconfig
@@ -27,8 +28,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
-from . import zip_writer as archive
-from .elf import cut_unloaded
+from .errors import BuildError
+from .files import make_zip
 from .licenses import License, collect_runtime_licenses
 from .modules import compile_module
 from .sources import Files
@@ -53,15 +54,15 @@ _EXTENSIONS_LEFT_OUT = (
 _PACKAGE_PARTS_LEFT_OUT = {"__pycache__", "tests", "include", "_pyinstaller"}
 _PACKAGE_FILES_LEFT_OUT = (".pyi", ".pxd", ".h", ".a", ".pyc", ".typed")
 
+_IDENTITY = b"\x7fELF\x02\x01"  # 64 bits, little-endian
+_HEADER = struct.Struct("<16sHHIQQQIHHHHHH")
+_SEGMENT = struct.Struct("<IIQQQQQQ")
+
 # Part of every Linux that can load the launcher and pythonfmu's library.
 _ALWAYS_THERE = (
     "ld-linux", "libc.so", "libc-", "libdl", "libgcc_s", "libm.so", "libm-", "libpthread", "librt", "libstdc++",
     "libutil",
 )  # fmt: skip
-
-
-class BundleError(RuntimeError):
-    """An FMU that cannot be given a Python of its own; the text says why."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +74,7 @@ class Bundle:
 
 
 def bundle(modules: Sequence[str], requirements: Sequence[str] = ()) -> Bundle:
-    """This Python with some installed packages.  Raises BundleError.
+    """This Python with some installed packages.  Raises BuildError.
 
     Parameters
     ----------
@@ -81,7 +82,7 @@ def bundle(modules: Sequence[str], requirements: Sequence[str] = ()) -> Bundle:
     requirements: further packages by the names of their distributions, for example ``PyYAML``.
     """
     if sys.platform != "linux":
-        raise BundleError("a runtime can be bundled on Linux only")
+        raise BuildError("a runtime can be bundled on Linux only")
     standard = Path(sysconfig.get_path("stdlib"))
     all_extensions = _list_extensions(standard / "lib-dynload")
     absent = [name for name in all_extensions if name.startswith(_EXTENSIONS_LEFT_OUT)]
@@ -110,13 +111,13 @@ def bundle(modules: Sequence[str], requirements: Sequence[str] = ()) -> Bundle:
 
 
 def check(fmu: Path) -> None:
-    """Run the model of an FMU with what is in its bundle, and nothing else.  Raises BundleError if it fails."""
+    """Run the model of an FMU with what is in its bundle, and nothing else.  Raises BuildError if it fails."""
     with tempfile.TemporaryDirectory(prefix="ps_fmu_bundle_") as folder, zipfile.ZipFile(fmu) as content:
         content.extractall(folder)
         command = [sys.executable, "-I", "-S", "-B", "-c", _TRIAL, folder, f"binaries/linux64/{_ROOT}"]
         run = subprocess.run(command, capture_output=True, encoding="utf-8", errors="replace")
     if run.returncode != 0:
-        raise BundleError(f"the model does not run with what is bundled:\n{run.stderr}")
+        raise BuildError(f"the model does not run with what is bundled:\n{run.stderr}")
 
 
 # The life of a slave without a host, since there is none that comes without Python.
@@ -149,7 +150,7 @@ def _find_libpython() -> Path:
     for folder in folders:
         if ".so" in name and (Path(folder) / name).is_file():
             return Path(folder) / name
-    raise BundleError(f"{sys.executable} was built without a shared libpython (looked in {', '.join(folders)})")
+    raise BuildError(f"{sys.executable} was built without a shared libpython (looked in {', '.join(folders)})")
 
 
 @functools.cache  # 2.5 s, the same for all FMUs
@@ -159,7 +160,7 @@ def _pack_standard_library(folder: Path) -> bytes:
         name = PurePosixPath(path.relative_to(folder))
         if not _LEFT_OUT.intersection(name.parts) and not any("config-" in part for part in name.parts):
             files[name.with_suffix(".pyc")] = compile_module(path.read_bytes(), str(name), checked=False)
-    return archive.make(files, zipfile.ZIP_STORED)  # the FMU compresses it
+    return make_zip(files, zipfile.ZIP_STORED)  # the FMU compresses it
 
 
 def _list_extensions(folder: Path) -> dict[str, Path]:
@@ -188,7 +189,7 @@ def _find_distributions(modules: Iterable[str], requirements: Iterable[str]) -> 
         waiting += [re.split(r"[^A-Za-z0-9._-]", need, maxsplit=1)[0] for need in needs]
     if missing:
         names = ", ".join(missing)
-        raise BundleError(f"the FMU needs {names}, which is not installed here: install it beside ps_fmu")
+        raise BuildError(f"the FMU needs {names}, which is not installed here: install it beside ps_fmu")
     return list(found.values())
 
 
@@ -221,7 +222,7 @@ def _find_libraries(modules: Iterable[str], absent: Iterable[str]) -> list[Path]
     command = [sys.executable, "-I", "-c", program, " ".join(absent), " ".join(modules)]
     run = subprocess.run(command, capture_output=True, text=True)
     if run.returncode != 0:
-        raise BundleError(f"a module to be bundled cannot be imported:\n{run.stderr}")
+        raise BuildError(f"a module to be bundled cannot be imported:\n{run.stderr}")
     inside = tuple(str(Path(sysconfig.get_path(name)).resolve()) for name in ("stdlib", "platlib"))
     mapped = [Path(path) for path in json.loads(run.stdout)]
     return [
@@ -229,3 +230,25 @@ def _find_libraries(modules: Iterable[str], absent: Iterable[str]) -> list[Path]
         for path in mapped
         if not path.name.startswith((*_ALWAYS_THERE, "libpython")) and not str(path.resolve()).startswith(inside)
     ]
+
+
+def cut_unloaded(content: bytes) -> bytes:
+    """A shared library without debug information, symbol table and section headers: cut behind its last segment.
+
+    Dynamic linkers look at segments only (System V ABI, chapter 5).  What is not a complete ELF file of 64 bits stays
+    as it is.  ``zig objcopy`` is not implemented for ELF (ziglang 0.17), and ``strip`` need not be installed.
+    """
+    if not content.startswith(_IDENTITY) or len(content) < _HEADER.size:
+        return content
+    header = list(_HEADER.unpack_from(content))
+    table, size, count = header[5], header[9], header[10]
+    if size != _SEGMENT.size or not count or table + size * count > len(content):
+        return content
+    end = table + size * count
+    for k in range(count):
+        _, _, offset, _, _, in_file, _, _ = _SEGMENT.unpack_from(content, table + k * size)
+        end = max(end, offset + in_file)
+    if end > len(content):
+        return content
+    header[6] = header[12] = header[13] = 0  # place and number of section headers, the one with their names
+    return _HEADER.pack(*header) + content[_HEADER.size : end]

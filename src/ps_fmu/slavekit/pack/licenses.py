@@ -13,16 +13,13 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 from ... import __version__
+from .errors import BuildError
 from .sources import Files
 
 _FOLDER = PurePosixPath("documentation", "licenses")
 _PROJECT = Path(__file__).resolve().parents[4]
 _TEXTS = re.compile(r"licen[cs]e|copying|notice|authors", re.IGNORECASE)
 _NO_TEXT = b"No licence text was found on the machine that built this FMU: add it before you pass the FMU on.\n"
-
-
-class LicenseError(RuntimeError):
-    """A licence text is missing; the message names its subject."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +82,7 @@ def _read_text_of(distribution: str) -> bytes:
     metadata = importlib.metadata.distribution(distribution)
     text = metadata.read_text("licenses/LICENSE") or metadata.read_text("LICENSE")
     if text is None:
-        raise LicenseError(f"the installed {distribution} carries no licence text")
+        raise BuildError(f"the installed {distribution} carries no licence text")
     return text.encode()
 
 
@@ -95,7 +92,7 @@ def _read_text_of_python() -> bytes:
     for path in (library / "LICENSE.txt", Path(f"/usr/share/doc/python{version}/copyright")):
         if path.is_file():
             return path.read_bytes()
-    raise LicenseError(f"this Python has no licence text {library / 'LICENSE.txt'}")
+    raise BuildError(f"this Python has no licence text {library / 'LICENSE.txt'}")
 
 
 def _read_text_of_library(path: Path) -> bytes | None:

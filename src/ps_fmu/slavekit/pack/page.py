@@ -1,17 +1,22 @@
 """The page ``documentation/index.html``: README of the FMU's folder, then all variables and terminals.
 
-It needs nothing but a browser: no scripts, no network, equations as MathML.
+It needs nothing but a browser: no scripts, no network.  Equations are LaTeX as GitHub shows it, in a line ``$x^2$``, on
+their own in a fenced block of the language ``math``; they become MathML, which browsers draw by themselves.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from html import escape
-from xml.etree.ElementTree import Element, SubElement, fromstring, tostring
+from typing import Any
+from xml.etree.ElementTree import Element, ParseError, SubElement, fromstring, tostring
 
-from markdown import markdown
-
-from .equations import Equations
+from latex2mathml.converter import convert
+from markdown import Markdown, markdown
+from markdown.extensions import Extension
+from markdown.inlinepatterns import InlineProcessor
+from markdown.preprocessors import Preprocessor
 
 _STYLE = """
 body { font: 16px/1.5 sans-serif; max-width: 76em; margin: 0 auto 4em; padding: 0 1.5em; color: #222; }
@@ -29,18 +34,18 @@ th { background: #eef4fa; white-space: nowrap; }
 td.number { text-align: right; white-space: nowrap; }
 """
 
+_BLOCK = re.compile(r"^```math\n(.*?)\n```$", re.MULTILINE | re.DOTALL)
+_INLINE = r"(?<![\\$\w])\$(?!\s)([^$\n]+?)(?<![\s\\])\$(?![$\w])"
+
+# Python-Markdown's own: fenced code has 25 among the preprocessors; backticks 190 and escapes 180 among the patterns.
+_BEFORE_FENCED_CODE = 30
+_BETWEEN_CODE_AND_ESCAPES = 185
+
 _GROUPS = {"input": "Inputs", "output": "Outputs", "parameter": "Parameters"}
 _COLUMNS = {
-    "name": "Name",
-    "type": "Type",
-    "unit": "Unit",
-    "displayUnit": "Display unit",
-    "start": "Start",
-    "min": "Min",
-    "max": "Max",
-    "nominal": "Nominal",
-    "description": "Description",
-}
+    "name": "Name", "type": "Type", "unit": "Unit", "displayUnit": "Display unit", "start": "Start", "min": "Min",
+    "max": "Max", "nominal": "Nominal", "description": "Description",
+}  # fmt: skip
 _NUMBERS = ("start", "min", "max", "nominal")
 
 
@@ -49,13 +54,13 @@ def write_page(readme: str, description: bytes, terminals: bytes | None) -> byte
 
     Parameters
     ----------
-    readme: Markdown with tables, fenced code and equations, see :mod:`.equations`.
+    readme: Markdown with tables, fenced code and equations.
     description, terminals: the contents of ``modelDescription.xml`` and ``terminalsAndIcons.xml``.
 
     Raises ValueError for an equation that cannot be converted.
     """
     root = fromstring(description)
-    extensions = ["tables", "fenced_code", "sane_lists", Equations()]
+    extensions = ["tables", "fenced_code", "sane_lists", _Equations()]
     title = escape(root.get("modelName", ""))
     body = "\n".join(
         [
@@ -132,3 +137,39 @@ def _write_table(columns: Mapping[str, str], rows: Iterable[Mapping[str, str]]) 
             inside = SubElement(cell, "code") if key == "name" else cell
             inside.text = row[key]
     return tostring(frame, encoding="unicode", method="html").replace("</tr>", "</tr>\n")
+
+
+def convert_to_mathml(latex: str, display: str) -> str:
+    """The element ``math``; ``display`` is ``"block"`` or ``"inline"``.
+
+    Raises ValueError if the converter does not know a part of it: it lets that pass as text.
+    """
+    text: str = convert(latex, display=display)
+    try:
+        known = "\\" not in "".join(fromstring(text).itertext())
+    except ParseError:
+        known = False
+    if not known:
+        raise ValueError(f"latex2mathml cannot convert this equation: {latex.strip()}")
+    return text
+
+
+class _Equations(Extension):
+    def extendMarkdown(self, md: Markdown) -> None:
+        md.preprocessors.register(_Blocks(md), "equations", _BEFORE_FENCED_CODE)
+        md.inlinePatterns.register(_Inline(_INLINE, md), "equation", _BETWEEN_CODE_AND_ESCAPES)
+
+
+class _Blocks(Preprocessor):
+    def run(self, lines: list[str]) -> list[str]:
+        def stored(match: re.Match[str]) -> str:
+            place: str = self.md.htmlStash.store(convert_to_mathml(match[1], "block"))
+            return f"\n\n{place}\n\n"
+
+        return _BLOCK.sub(stored, "\n".join(lines)).split("\n")
+
+
+class _Inline(InlineProcessor):
+    def handleMatch(self, m: re.Match[str], data: str) -> Any:
+        place = self.md.htmlStash.store(convert_to_mathml(m[1], "inline"))
+        return place, m.start(0), m.end(0)

@@ -18,6 +18,7 @@ from functools import lru_cache
 from pathlib import Path, PurePosixPath
 
 from ...native import RECORD, list_platforms, read_compiled
+from .errors import BuildError
 
 _DOTTED_NAME = re.compile(r"[A-Za-z_]\w*(\.\w+)*", re.ASCII)
 _DATA = (".toml", ".csv", ".json", ".license")
@@ -25,10 +26,6 @@ _NATIVE = PurePosixPath("ps_fmu", "native")
 LIBRARIES = (".so", ".dll")
 
 Files = dict[PurePosixPath, bytes]
-
-
-class SourceError(RuntimeError):
-    """Python sources that cannot be packaged; the text says which line and what to do."""
 
 
 @lru_cache(maxsize=1024)  # the FMUs of a folder have most of their modules in common: 2 s less for eight
@@ -42,12 +39,12 @@ def find_imports(source: str | bytes, name: str, package: str, optional: bool = 
     package: the package it is in, to resolve relative imports; ``""`` for a script.
     optional: also those that may fail: in ``try`` with handlers, and in ``if TYPE_CHECKING``.
 
-    Raises SourceError for what is no Python.
+    Raises BuildError for what is no Python.
     """
     try:
         tree = ast.parse(source, filename=name)
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
-        raise SourceError(f"{name}: this is no Python that can be read here: {error or type(error).__name__}") from None
+        raise BuildError(f"{name}: this is no Python that can be read here: {error or type(error).__name__}") from None
     found: set[str] = set()
     for node in _walk(tree, optional):
         if isinstance(node, ast.Import):
@@ -59,7 +56,7 @@ def find_imports(source: str | bytes, name: str, package: str, optional: bool = 
                     module = importlib.util.resolve_name("." * node.level + module, package)
                 except ImportError:
                     text = "a relative import leads out of the package: import the module by its name"
-                    raise SourceError(f"{name}:{node.lineno}: {text}") from None
+                    raise BuildError(f"{name}:{node.lineno}: {text}") from None
             found |= {module} | {f"{module}.{alias.name}" for alias in node.names}
     return frozenset(found)
 
@@ -149,7 +146,7 @@ def find_needed_modules(script: str, files: Files) -> list[str]:
     script: name of the module that everything starts from.
     files: Python sources and others, by their place below a folder in which imports are looked up.
 
-    Raises SourceError for a source that is not Python.
+    Raises BuildError for a source that is not Python.
     """
     needed: set[str] = set()
     for place, content in _reach(script, files.get):
@@ -159,7 +156,7 @@ def find_needed_modules(script: str, files: Files) -> list[str]:
 
 
 def find_beside(script: Path) -> list[Path]:
-    """The modules and packages beside a script that it imports, directly or not.  Raises SourceError."""
+    """The modules and packages beside a script that it imports, directly or not.  Raises BuildError."""
 
     def read(name: PurePosixPath) -> bytes | None:
         path = script.parent / name
@@ -208,9 +205,7 @@ def rename_imports(source: bytes, name: str, names: dict[str, str]) -> bytes:
     name: what to call it in errors.
     names: top-level package -> new name, which may be dotted.
 
-    Raises
-    ------
-    SourceError: the source refers to such a package in a way that cannot be rewritten.
+    Raises BuildError where the source refers to such a package in a way that cannot be rewritten.
     """
     lines = source.decode().splitlines(keepends=True)
     for node in ast.walk(ast.parse(source, filename=name)):
@@ -219,9 +214,7 @@ def rename_imports(source: bytes, name: str, names: dict[str, str]) -> bytes:
         elif isinstance(node, ast.Import):
             for alias in node.names:
                 if _get_top(alias.name) in names:
-                    raise SourceError(
-                        f"{name}:{node.lineno}: 'import {alias.name}': write 'from ... import ...'"
-                    )
+                    raise BuildError(f"{name}:{node.lineno}: 'import {alias.name}': write 'from ... import ...'")
         elif (
             isinstance(node, ast.Constant)
             and isinstance(node.value, str)
@@ -229,12 +222,8 @@ def rename_imports(source: bytes, name: str, names: dict[str, str]) -> bytes:
             and _get_top(node.value) in names
         ):
             text = "looks like the name of a module, which has another name in an FMU"
-            raise SourceError(f"{name}:{node.lineno}: {node.value!r} {text}")
-    result = "".join(lines).encode()
-    for node in ast.walk(ast.parse(result, filename=name)):
-        if isinstance(node, ast.ImportFrom) and node.level == 0 and _get_top(node.module) in names:
-            raise SourceError(f"{name}:{node.lineno}: the import from {node.module} is left over")
-    return result
+            raise BuildError(f"{name}:{node.lineno}: {node.value!r} {text}")
+    return "".join(lines).encode()
 
 
 def _get_top(module: str | None) -> str:

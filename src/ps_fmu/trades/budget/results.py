@@ -32,10 +32,8 @@ class Wanted:
 
     requirement: Requirement
     target: Target
-    signals: tuple[str, ...]
-    """Outputs of the plant, whose variances add up."""
-    plant: str
-    """Name of the component."""
+    signals: tuple[str, ...]  # outputs of the plant, whose variances add up
+    plant: str  # name of the component
 
     @property
     def short(self) -> str:

@@ -46,10 +46,8 @@ class Line(NamedTuple):
     """A sine of the disturbance."""
 
     name: str
-    frequency: float
-    """Hz."""
-    wrench_B: Complex
-    """Complex amplitude (6,), N, N.m, at the origin of B."""
+    frequency: float  # Hz
+    wrench_B: Complex  # complex amplitude (6,), N, N.m, at the origin of B
 
 
 def _list_disturbances(circuit: Circuit, signals: Sequence[str], highest: float, points: int) -> Iterator[Source]:

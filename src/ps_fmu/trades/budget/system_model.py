@@ -56,19 +56,15 @@ class SystemModel:
     """The components of a system with their start values, as the physics knows them."""
 
     system: System
-    components: Mapping[str, str]
-    """Name in the system by the name of the FMU."""
-    loop: Loop
-    """Plant and isolator at the target of the commander, without delay."""
-    isolator_delay: float
-    """Of its forces, s."""
+    components: Mapping[str, str]  # name in the system by the name of the FMU
+    loop: Loop  # plant and isolator at the target of the commander, without delay
+    isolator_delay: float  # of its forces, s
     disturbance: DisturbanceSettings
     sensors: InertialSensors | None
     coils: Coils | None
     tracker: Tracker | None
     pointing: SampledPointing | None
-    step: float
-    """s."""
+    step: float  # s
 
     @property
     def name(self) -> str:

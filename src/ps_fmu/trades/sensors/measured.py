@@ -36,16 +36,11 @@ BIASED = 3  # number of the accelerometer that has a bias of 1 ug: along z, 0.5 
 class Point:
     """One run, and the closed form for it."""
 
-    name: str
-    """Of the class."""
-    corner: float
-    """Hz."""
-    measured: float
-    """RMS of the line of sight, rad."""
-    expected: float
-    """In closed form, rad."""
-    scatter: float
-    """Relative standard deviation of the RMS of a record as long, in closed form, by the sensors' noise."""
+    name: str  # of the class
+    corner: float  # Hz
+    measured: float  # RMS of the line of sight, rad
+    expected: float  # in closed form, rad
+    scatter: float  # relative standard deviation of the RMS of a record as long, in closed form, by the sensors' noise
 
     @property
     def deviation(self) -> float:
@@ -62,12 +57,9 @@ class Point:
 class BiasAnswer:
     """Rotation of the payload about x of P after a bias of one accelerometer has begun."""
 
-    time: Array
-    """(n,), s."""
-    measured: Array
-    """(n,), rad."""
-    expected: Array
-    """(n,), rad."""
+    time: Array  # (n,), s
+    measured: Array  # (n,), rad
+    expected: Array  # (n,), rad
 
 
 def measure_points(

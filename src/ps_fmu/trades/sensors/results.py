@@ -38,12 +38,9 @@ Pointing = tuple[PointingFilter, Timing] | None
 class Sweep:
     """Variances of the line of sight, rad2, at the corners of the trade, (n,), with one line-of-sight loop or none."""
 
-    disturbance: Array
-    """What the isolator leaves of the disturbance."""
-    sensors: Array
-    """By the accelerometers' noise."""
-    tracker: Array
-    """By the noise of the tracker, where there is a loop."""
+    disturbance: Array  # what the isolator leaves of the disturbance
+    sensors: Array  # by the accelerometers' noise
+    tracker: Array  # by the noise of the tracker, where there is a loop
 
     @property
     def rms(self) -> Array:
@@ -66,10 +63,8 @@ class ClassResult:
 
     name: str
     sensors: InertialSensors
-    values: Mapping[str, Value]
-    """Its parameter file."""
-    sweeps: Mapping[float | None, Sweep]
-    """By crossover of the line-of-sight loop."""
+    values: Mapping[str, Value]  # its parameter file
+    sweeps: Mapping[float | None, Sweep]  # by crossover of the line-of-sight loop
     offsets: Array
     """RMS over units of the constant offset from the biases that are left, at the corners of the trade, rad."""
 
@@ -79,14 +74,10 @@ class Trade:
     """All of it."""
 
     isolation: SensedIsolation
-    corners: Array
-    """Of the high-pass in all sweeps, (n,), Hz."""
-    passive: float
-    """RMS of the line of sight without isolator and loop, rad."""
-    loops_alone: Mapping[float, float]
-    """With a loop and without isolator, by crossover, rad."""
-    white: Mapping[float | None, Sweep]
-    """With white noise of a density of one, by crossover."""
+    corners: Array  # of the high-pass in all sweeps, (n,), Hz
+    passive: float  # RMS of the line of sight without isolator and loop, rad
+    loops_alone: Mapping[float, float]  # with a loop and without isolator, by crossover, rad
+    white: Mapping[float | None, Sweep]  # with white noise of a density of one, by crossover
     classes: Mapping[str, ClassResult]
 
 

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from functools import partial
-from pathlib import Path
+from collections.abc import Mapping
 
 import numpy as np
 
 from ....analyses.finding import Finding
 from ....analyses.options import AnalysisOptions
-from ....analyses.result import AnalysisResult
+from ....analyses.result import AnalysisResult, paint_pictures, tabulate
 from ....mechanism.parameters import Array, load
-from ....results.report import draw_pictures
 from ....results.tables import Table, format_angles
 from ....theory.transmissibility import singular_values_db
 from ...agreement import Agreement
@@ -30,11 +27,10 @@ from .measured import (
     compare_setups,
     compare_step_models,
     compute_curves,
-    entries,
     step_table,
     verdict,
 )
-from .plots import draw_cases, draw_deviation, draw_measured, draw_orientations
+from .plots import paint_cases, paint_deviation, paint_measured, paint_orientations
 
 
 def analyse(options: AnalysisOptions, frequency: Array = FREQUENCY) -> AnalysisResult:
@@ -43,42 +39,48 @@ def analyse(options: AnalysisOptions, frequency: Array = FREQUENCY) -> AnalysisR
     of_cases = {case: compute_curves(load_case(case), frequency=frequency) for case in CASES}
     measured = compare_setups(options, SHAKING)
     of_step = compare_step_models(measured, SHAKING.step)
-    figures: list[tuple[str, str, Callable[[Path], None]]] = [
-        (
-            "orientations",
-            "Fig 8: singular values at the four orientations.",
-            partial(draw_orientations, found=at_orientations),
-        ),
-        (
-            "cases",
-            "Fig 11: largest singular value, passive, in the four cases, in closed form and as measured on the FMUs.",
-            partial(draw_cases, found=of_cases, measured=measured),
-        ),
-        (
-            "measured",
-            "Fig 8 as measured on the running FMUs, in the band that is shaken.",
-            partial(draw_measured, measured=measured),
-        ),
-        (
-            "deviation",
-            "Deviation of what was measured from the closed form: the largest of the three singular values.",
-            partial(draw_deviation, measured=measured),
-        ),
-    ]
     return AnalysisResult(
         name="transmissibility",
         title="Transmissibility: Figs 8 and 11",
         text=paragraphs(measured),
         findings=findings(at_orientations, of_cases, measured),
         tables=tables(at_orientations, of_cases, measured, of_step),
-        pictures=draw_pictures(options.output, "transmissibility", figures),
+        pictures=paint_pictures(
+            options.output,
+            "transmissibility",
+            (
+                "orientations", "Fig 8: singular values at the four orientations.",
+                (12.0, 9.0), paint_orientations, at_orientations,
+            ),
+            (
+                "cases",
+                "Fig 11: largest singular value, passive, in the four cases, in closed form and as measured on the "
+                "FMUs.",
+                (12.0, 7.0), paint_cases, of_cases, measured,
+            ),
+            (
+                "measured", "Fig 8 as measured on the running FMUs, in the band that is shaken.",
+                (12.0, 9.0), paint_measured, measured,
+            ),
+            (
+                "deviation",
+                "Deviation of what was measured from the closed form: the largest of the three singular values.",
+                (15.0, 10.0), paint_deviation, measured,
+            ),
+        ),
         data={
-            "orientations": {name: _entry(c) for name, c in at_orientations.items()},
+            "orientations": {
+                name: {"start_db": c.start, "attenuation_db": c.attenuation, "amplification_db": c.amplification}
+                for name, c in at_orientations.items()
+            },
             "cases": {case: {"largest_db": float(c.passive.max())} for case, c in of_cases.items()},
-            "measured": entries(measured),
+            "measured": [
+                {"orientation_deg": s.rpy_deg, "case": s.case, "isolator": s.mode, **a.entry}
+                for s, a in measured.items()
+            ],
             "measured_active_by_closed_form": {name: agreement.entry for name, agreement in of_step.items()},
         },
-    )
+    )  # fmt: skip
 
 
 def findings(
@@ -200,12 +202,16 @@ def tables(
 
 
 def _orientation_table(found: Mapping[str, Curves]) -> Table:
-    header = ("orientation (deg)", "start (dB)", "largest attenuation (dB)", "largest amplification, 100-700 Hz (dB)")
-    rows = [
-        (format_angles(ORIENTATIONS[name]), f"{c.start:.4f}", f"{c.attenuation:.2f}", f"{c.amplification:.2f}")
-        for name, c in found.items()
-    ]
-    return Table("Fig 8, practical plant, largest singular value; published: 0, over 50, under 9 dB", header, rows)
+    return tabulate(
+        "Fig 8, practical plant, largest singular value; published: 0, over 50, under 9 dB",
+        found.items(),
+        (
+            ("orientation (deg)", lambda of: format_angles(ORIENTATIONS[of[0]])),
+            ("start (dB)", lambda of: f"{of[1].start:.4f}"),
+            ("largest attenuation (dB)", lambda of: f"{of[1].attenuation:.2f}"),
+            ("largest amplification, 100-700 Hz (dB)", lambda of: f"{of[1].amplification:.2f}"),
+        ),
+    )
 
 
 def _case_table(found: Mapping[str, Curves]) -> Table:
@@ -229,7 +235,3 @@ def _resonance(frequency: Array, curve: Array) -> tuple[float, float]:
 def _resonance_cells(frequency: Array, curve: Array) -> tuple[str, ...]:
     values = (*_resonance(frequency, curve), np.interp(20.0, frequency, curve[:, 0]))
     return tuple(f"{value:.2f}" for value in values)
-
-
-def _entry(c: Curves) -> dict[str, object]:
-    return {"start_db": c.start, "attenuation_db": c.attenuation, "amplification_db": c.amplification}

@@ -34,14 +34,10 @@ SUSPENSION_BELOW = 20.0  # Hz: the resonance of the fine legs is the largest val
 class Curves:
     """Singular values over frequency, largest first, (n, 3), dB; m and rad count alike."""
 
-    frequency: Array
-    """(n,), Hz."""
-    theory: Array
-    """Passive, by (38): rigid legs and payload."""
-    passive: Array
-    """Of the practical plant."""
-    active: Array
-    """Of the practical plant with the isolator, without delay."""
+    frequency: Array  # (n,), Hz
+    theory: Array  # passive, by (38): rigid legs and payload
+    passive: Array  # of the practical plant
+    active: Array  # of the practical plant with the isolator, without delay
 
     @property
     def gain(self) -> Array:
@@ -203,11 +199,6 @@ def step_table(found: Mapping[str, Agreement]) -> Table:
     rows = [(name, *_deviations(agreement)) for name, agreement in found.items()]
     caption = "What the step does: FMUs at (0, 0, 0), active, against three closed forms"
     return Table(caption, ("closed form", *_DEVIATIONS), rows)
-
-
-def entries(measured: Agreements) -> list[dict[str, object]]:
-    """For the JSON file."""
-    return [{"orientation_deg": s.rpy_deg, "case": s.case, "isolator": s.mode, **a.entry} for s, a in measured.items()]
 
 
 _DEVIATIONS = (

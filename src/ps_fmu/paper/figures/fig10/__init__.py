@@ -1,5 +1,1 @@
-"""Fig 10: stability of the loop with delay."""
-
-from ....runs.scenario import SCENARIOS
-
-SCENARIO = SCENARIOS["stability"]
+"""Fig 10: the internal loop with delay."""

@@ -41,10 +41,8 @@ SHAKING = Shaking(half_period=20.0, settling=12.0, band=(2.0, 250.0))
 class OpenLoop:
     """L11 of one case as measured."""
 
-    response: Response
-    """(n, 1, 1)."""
-    reference: NDArray[np.complex128]
-    """(n,), closed form with the communication step."""
+    response: Response  # (n, 1, 1)
+    reference: NDArray[np.complex128]  # (n,), closed form with the communication step
 
     @cached_property
     def values(self) -> NDArray[np.complex128]:

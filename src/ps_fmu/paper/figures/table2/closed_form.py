@@ -12,7 +12,7 @@ from functools import cache
 import numpy as np
 
 from ....mechanism.parameters import Array, Parameters, load
-from ....pointing.rejection import rejection_percent
+from ....pointing.spectra import rejection_percent
 from ....theory.loop import loop_at
 from ....theory.transmissibility import Jitter, jitter
 from ...published import published_numbers

@@ -1,18 +1,17 @@
-"""Figures of the jitter analysis."""
+"""Pictures of the jitter analysis."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ....mechanism.parameters import Array
-from ....results.style import ACTIVE, AXES, PASSIVE, REFERENCE, draw
+from ....results.style import ACTIVE, AXES, PASSIVE, REFERENCE
 from ....results.tables import format_angles
 from .closed_form import LOOP_DELAY, ORIENTATIONS, published_value
-from .results import OrientationResult, compute_rms_below
+from .runs import OrientationResult, compute_rms_below
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,29 +23,25 @@ if TYPE_CHECKING:
 DEVIATIONS = ((1.0, "-"), (3.0, "--"))  # standard deviations of the ellipses, and their lines
 
 
-def draw_image(path: Path, results: Mapping[str, OrientationResult]) -> None:
+def paint_image(figure: Figure, results: Mapping[str, OrientationResult]) -> None:
     """Image points and hull of the runs, ellipses of the closed form; passive above, active below."""
-
-    def paint(figure: Figure) -> None:
-        grid = figure.subplots(2, len(results), squeeze=False)
-        for column, r in enumerate(results.values()):
-            passive, active = grid[:, column]
-            _draw_cloud(passive, r.measured.passive.scatter, r.theory[0], PASSIVE, 1e6, "µm")
-            _draw_cloud(active, r.measured.active.scatter, r.delayed, ACTIVE, 1e9, "nm")
-            passive.set_title(f"{format_angles(ORIENTATIONS[r.name])}°")
-        grid[0, 0].set_ylabel("passive, y (µm)")
-        grid[1, 0].set_ylabel("active, y (nm)")
-        for row in grid:  # one scale for all orientations
-            across, along = (
-                1.05 * max(max(map(abs, limits)) for limits in found)
-                for found in ([axes.get_xlim() for axes in row], [axes.get_ylim() for axes in row])
-            )
-            for axes in row:
-                axes.set(xlim=(-across, across), ylim=(-along, along), aspect="equal")
-        _add_legend(figure)
-        figure.suptitle("Image point: co-simulated, and standard deviations in closed form")
-
-    draw(path, 15.0, 9.0, paint)
+    grid = figure.subplots(2, len(results), squeeze=False)
+    for column, r in enumerate(results.values()):
+        passive, active = grid[:, column]
+        _draw_cloud(passive, r.measured.passive.scatter, r.theory[0], PASSIVE, 1e6, "µm")
+        _draw_cloud(active, r.measured.active.scatter, r.delayed, ACTIVE, 1e9, "nm")
+        passive.set_title(f"{format_angles(ORIENTATIONS[r.name])}°")
+    grid[0, 0].set_ylabel("passive, y (µm)")
+    grid[1, 0].set_ylabel("active, y (nm)")
+    for row in grid:  # one scale for all orientations
+        across, along = (
+            1.05 * max(max(map(abs, limits)) for limits in found)
+            for found in ([axes.get_xlim() for axes in row], [axes.get_ylim() for axes in row])
+        )
+        for axes in row:
+            axes.set(xlim=(-across, across), ylim=(-along, along), aspect="equal")
+    _add_legend(figure)
+    figure.suptitle("Image point: co-simulated, and standard deviations in closed form")
 
 
 def _add_legend(figure: Figure) -> None:
@@ -83,56 +78,49 @@ def _ellipse(covariance: Array) -> Array:
     return np.asarray(vectors @ (np.sqrt(values)[:, None] * np.stack([np.cos(turn), np.sin(turn)])))
 
 
-def draw_rms(path: Path, results: Mapping[str, OrientationResult]) -> None:
+def paint_rms(figure: Figure, results: Mapping[str, OrientationResult]) -> None:
     """Bars for each orientation and axis: published, closed form, co-simulated; passive above, active below."""
-
-    def paint(figure: Figure) -> None:
-        grid = figure.subplots(2, 1)
-        for axes, what, factor, unit, colour in (
-            (grid[0], "passive", 1e6, "µrad", PASSIVE),
-            (grid[1], "active", 1e9, "nrad", ACTIVE),
-        ):
-            place = np.concatenate([3.6 * k + np.arange(3.0) for k in range(len(results))])
-            which = 0 if what == "passive" else 1
-            bars = (
-                ("published", [published_value(name, what) for name in results], REFERENCE, ""),
-                ("closed form", [r.theory[which].rms for r in results.values()], colour, "///"),
-                (
-                    "co-simulated",
-                    [r.rms[which] for r in results.values()],
-                    colour,
-                    "",
-                ),
-            )
-            for k, (text, values, fill, hatch) in enumerate(bars):
-                axes.bar(
-                    place + 0.27 * (k - 1), factor * np.concatenate(values), 0.25, label=text,
-                    color="white" if hatch else fill, edgecolor=fill, hatch=hatch,
-                )  # fmt: skip
-            axes.set_xticks(place, ["axis 1", "2", "3"] * len(results))
-            axes.set_ylabel(f"{what} RMS ({unit})")
-            axes.grid(axis="x", visible=False)
-            axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
-        for k, name in enumerate(results):
-            grid[0].text(3.6 * k + 1.0, 1.02, f"{format_angles(ORIENTATIONS[name])}°", ha="center", va="bottom",
-                         transform=grid[0].get_xaxis_transform())  # fmt: skip
-        figure.suptitle("RMS of the payload's rotation; active axis 2 is not reproduced")
-
-    draw(path, 13.0, 8.5, paint)
+    grid = figure.subplots(2, 1)
+    for axes, what, factor, unit, colour in (
+        (grid[0], "passive", 1e6, "µrad", PASSIVE),
+        (grid[1], "active", 1e9, "nrad", ACTIVE),
+    ):
+        place = np.concatenate([3.6 * k + np.arange(3.0) for k in range(len(results))])
+        which = 0 if what == "passive" else 1
+        bars = (
+            ("published", [published_value(name, what) for name in results], REFERENCE, ""),
+            ("closed form", [r.theory[which].rms for r in results.values()], colour, "///"),
+            (
+                "co-simulated",
+                [r.rms[which] for r in results.values()],
+                colour,
+                "",
+            ),
+        )
+        for k, (text, values, fill, hatch) in enumerate(bars):
+            axes.bar(
+                place + 0.27 * (k - 1), factor * np.concatenate(values), 0.25, label=text,
+                color="white" if hatch else fill, edgecolor=fill, hatch=hatch,
+            )  # fmt: skip
+        axes.set_xticks(place, ["axis 1", "2", "3"] * len(results))
+        axes.set_ylabel(f"{what} RMS ({unit})")
+        axes.grid(axis="x", visible=False)
+        axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+    for k, name in enumerate(results):
+        grid[0].text(3.6 * k + 1.0, 1.02, f"{format_angles(ORIENTATIONS[name])}°", ha="center", va="bottom",
+                     transform=grid[0].get_xaxis_transform())  # fmt: skip
+    figure.suptitle("RMS of the payload's rotation; active axis 2 is not reproduced")
 
 
-def draw_cumulative(path: Path, densities: Sequence[tuple[Array, Array]]) -> None:
+def paint_cumulative(figure: Figure, densities: Sequence[tuple[Array, Array]]) -> None:
     """RMS of everything below a frequency, three axes; passive on the left, active on the right."""
-    def paint(figure: Figure) -> None:
-        for axes, (frequency, density), case, factor, unit in zip(
-            figure.subplots(1, 2), densities, ("passive", "active"), (1e6, 1e9), ("µrad", "nrad"), strict=True
-        ):
-            rms = factor * compute_rms_below(frequency, density)
-            for i, colour in enumerate(AXES):
-                axes.semilogx(frequency, rms[:, i], color=colour, label=f"axis {i + 1}")
-            axes.set(xlabel="frequency (Hz)", ylabel=f"RMS below frequency ({unit})", title=case, ylim=(0.0, None))
-            axes.set_xlim(frequency[0], frequency[-1])
-        axes.legend(loc="lower right")
-        figure.suptitle(f"Where the jitter comes from: closed form with {LOOP_DELAY:g} steps of delay, at (0, 0, 0)°")
-
-    draw(path, 12.0, 5.5, paint)
+    for axes, (frequency, density), case, factor, unit in zip(
+        figure.subplots(1, 2), densities, ("passive", "active"), (1e6, 1e9), ("µrad", "nrad"), strict=True
+    ):
+        rms = factor * compute_rms_below(frequency, density)
+        for i, colour in enumerate(AXES):
+            axes.semilogx(frequency, rms[:, i], color=colour, label=f"axis {i + 1}")
+        axes.set(xlabel="frequency (Hz)", ylabel=f"RMS below frequency ({unit})", title=case, ylim=(0.0, None))
+        axes.set_xlim(frequency[0], frequency[-1])
+    axes.legend(loc="lower right")
+    figure.suptitle(f"Where the jitter comes from: closed form with {LOOP_DELAY:g} steps of delay, at (0, 0, 0)°")

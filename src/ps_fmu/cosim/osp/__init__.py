@@ -1,1 +1,0 @@
-"""libcosim's own description of a system, ``OspSystemStructure.xml``."""

@@ -1,0 +1,190 @@
+"""Table 2 of the paper from the running system: four orientations, passive and active.
+
+The disturbance is the deterministic multisine: lines of fixed amplitude whose phases keep the uncorrelated inputs
+apart, so that one period has the RMS of the power spectral density without statistical scatter.  The statistics
+cover the duration of the options, one period or several; a lead-in comes before, while the disturbance rises and what
+that shakes dies away.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.integrate import cumulative_trapezoid
+
+from ....disturbance import multisine_lines, psd_at_origin
+from ....mechanism.parameters import Array, Parameters
+from ....pointing.spectra import rejection_percent
+from ....runs.run import Run
+from ....runs.setup import MULTISINE, RunSystem
+from ....scenarios.comparison import CASES, Comparison, compare, run_cases
+from ....theory.loop import loop_at
+from ....theory.transmissibility import Jitter, jitter, jitter_density, jitter_of_lines
+from .closed_form import LOOP_DELAY, ORIENTATIONS, closed_form
+
+Triple = tuple[float, float, float]
+PERIOD = "disturbance.noise.period"
+NOMINAL = "nominal"
+USUAL_PERIOD_S = 100.0  # lines from 0.105 Hz on, each 0.01 Hz
+SETTLING_S = 10.0  # after the rise: 4.5 time constants of the fine legs' suspension, 2.2 s with the isolator
+SHORTEST_PERIOD_S, LONGEST_PERIOD_S = 20.0, 1000.0  # two cycles of 0.1 Hz; the memory of the disturbance source
+EDGES = (0.1, 0.2, 2.0, 20.0, 1000.0)  # Hz, of the bands whose shares of the variance are shown
+
+
+@dataclass(frozen=True, eq=False)
+class Measurement:
+    """The four orientations, passive and active, in the order of :data:`ORIENTATIONS`."""
+
+    system: RunSystem
+    comparisons: Mapping[str, Comparison]
+    start_s: float  # start of the statistics
+    duration_s: float  # their length
+
+    @property
+    def period_s(self) -> float:
+        """Period of the disturbance."""
+        return self.system.get_number(PERIOD)
+
+    @property
+    def band(self) -> Array:
+        """Band of the disturbance, (2,), Hz."""
+        return np.array([self.system.get_number(f"disturbance.noise.band.{end}") for end in ("min", "max")])
+
+
+def measure(run: Run, *, explored: bool = False) -> Measurement:
+    """Run the four orientations, each passive and active; the runs are stored in results.nc.
+
+    ``explored``: keep what a report to explore shows of the nominal one; of all, it would be 6 MB.
+    """
+    options = run.options
+    settings = {MULTISINE: True, PERIOD: period_s(options.duration_s)}
+    system = run.load(settings)
+    lead_s = system.get_number("disturbance.rise_time") + SETTLING_S
+    lead_steps = math.ceil(lead_s / options.step_s - 1e-6)
+    found = {
+        name: compare(
+            target,
+            run_cases(
+                system,
+                options,
+                target,
+                lead_steps=lead_steps,
+                prefix=name_orientation(target_deg),
+                explored=explored and name == NOMINAL,
+            ),
+        )
+        for name, target_deg in ORIENTATIONS.items()
+        for target in (np.radians(target_deg),)
+    }
+    return Measurement(system, found, lead_steps * options.step_s, options.duration_s)
+
+
+def list_cases() -> tuple[str, ...]:
+    """Names of the runs."""
+    return tuple(name_orientation(target_deg) + name for target_deg in ORIENTATIONS.values() for name in CASES)
+
+
+def period_s(duration_s: float) -> float:
+    """Period of the disturbance [s]: the duration, or the largest part of it that the disturbance source takes."""
+    period = duration_s / math.ceil(duration_s / LONGEST_PERIOD_S)
+    return period if period >= SHORTEST_PERIOD_S else USUAL_PERIOD_S
+
+
+def name_orientation(orientation: Triple) -> str:
+    """What the names of runs and pictures of an orientation (deg) begin with."""
+    return "roll{:g}_pitch{:g}_yaw{:g}_".format(*orientation)
+
+
+@dataclass(frozen=True, eq=False)
+class OrientationResult:
+    """One orientation.  Lists of two: passive, active."""
+
+    name: str
+    theory: tuple[Jitter, Jitter]  # closed form from the density, without the delay of the communication step
+    delayed: Jitter  # the active one with the delay
+    lines: tuple[Jitter, Jitter]  # closed form for the lines that the disturbance has in the runs, with the delay
+    fitted_delay: float  # the delay, in steps, at which the closed form for the lines comes closest to the active runs
+    measured: Comparison  # as co-simulated
+
+    @property
+    def rms(self) -> Array:
+        """RMS of the runs about their mean, passive and active, (2, 3), rad."""
+        return np.stack([found.statistics.std for found in (self.measured.passive, self.measured.active)])
+
+    @property
+    def rejection(self) -> Array:
+        """What the isolator takes away of :attr:`rms`, (3,), percent."""
+        return rejection_percent(*self.rms)
+
+    @property
+    def entry(self) -> dict[str, object]:
+        """For the JSON file."""
+        return {
+            "orientation_deg": ORIENTATIONS[self.name],
+            "closed_form_passive_rad": self.theory[0].rms,
+            "closed_form_active_rad": self.theory[1].rms,
+            "closed_form_active_with_delay_rad": self.delayed.rms,
+            "closed_form_of_lines_passive_rad": self.lines[0].rms,
+            "closed_form_of_lines_active_rad": self.lines[1].rms,
+            "cosimulated_passive_rad": self.rms[0],
+            "cosimulated_active_rad": self.rms[1],
+            "fitted_delay_steps": self.fitted_delay,
+            "image_hull_area_passive_m2": self.measured.passive.scatter.hull_area,
+            "image_hull_area_active_m2": self.measured.active.scatter.hull_area,
+            **self.measured.entry,
+        }
+
+
+def compute_results(p: Parameters, measured: Measurement, step_s: float, seed: int) -> dict[str, OrientationResult]:
+    """Compute the closed forms for runs with a communication step (s) and a seed of the disturbance."""
+    focal_length = p.optics.focal_length
+    density = psd_at_origin(p.noise.wrench_psd_B, p.bus.com_B)
+    wrench = multisine_lines(density, measured.band, seed, measured.period_s)
+    found = {}
+    for name, comparison in measured.comparisons.items():
+        bare = loop_at(p, np.radians(ORIENTATIONS[name]))
+        loop = bare.with_delay(LOOP_DELAY * step_s)
+        earlier, later = (
+            jitter_of_lines(bare.with_delay(steps * step_s), *wrench, focal_length, active=True).rms for steps in (1, 2)
+        )
+        # The RMS is nearly linear in so short a delay.
+        fitted = 1.0 + float(np.mean((comparison.active.statistics.std - earlier) / (later - earlier)))
+        found[name] = OrientationResult(
+            name,
+            theory=closed_form(name),
+            delayed=jitter(loop, p.bus, p.noise, focal_length, active=True),
+            lines=(
+                jitter_of_lines(loop, *wrench, focal_length, active=False),
+                jitter_of_lines(loop, *wrench, focal_length, active=True),
+            ),
+            fitted_delay=fitted,
+            measured=comparison,
+        )
+    return found
+
+
+def deviation_percent(result: OrientationResult) -> Array:
+    """Runs against the closed form for the lines, (2, 3), percent."""
+    return np.asarray(100.0 * (result.rms / np.stack([found.rms for found in result.lines]) - 1.0))
+
+
+def nominal_densities(p: Parameters, step_s: float) -> list[tuple[Array, Array]]:
+    """Frequency (n,), Hz, and spectral density (n, 3, 3), rad2/Hz, at (0, 0, 0), passive and active with the delay."""
+    loop = loop_at(p, delay=LOOP_DELAY * step_s)
+    return [jitter_density(loop, p.bus, p.noise, active=active) for active in (False, True)]
+
+
+def shares(frequency: Array, density: Array) -> Array:
+    """Shares of the variance in the bands between :data:`EDGES`, (bands, 3), percent."""
+    below = compute_rms_below(frequency, density) ** 2
+    at_edges = np.stack([np.interp(EDGES, frequency, column) for column in below.T], axis=-1)
+    return np.asarray(100.0 * np.diff(at_edges, axis=0) / below[-1])
+
+
+def compute_rms_below(frequency: Array, density: Array) -> Array:
+    """RMS of everything below each frequency, (n, 3), rad, from a density (n, 3, 3), rad2/Hz."""
+    diagonal = np.diagonal(density, axis1=1, axis2=2)
+    return np.asarray(np.sqrt(cumulative_trapezoid(diagonal, frequency, axis=0, initial=0.0)))

@@ -1,0 +1,180 @@
+"""Figures as PNG files, painted from what the page of a report shows: charts, clouds of points, waterfalls.
+
+SI data in, engineering units on the axes.  Passive is orange, active blue throughout.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .page.content import Axis, Chart, ChartGroup, CloudGroup, Curve, Exploration, Still
+from .report import Picture
+from .style import COLOURS, REFERENCE, draw, engineering, largest, pretty
+from .waterfall import draw_waterfall
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+
+MOST_SPANS = 1500
+"""Of a curve over the width of a chart; where it has more values it is drawn as the extremes of each span."""
+_DRAWN: Mapping[str, dict[str, Any]] = {
+    "line": {"lw": 1.2}, "dashed": {"lw": 1.2, "ls": "--"}, "dotted": {"lw": 1.2, "ls": ":"},
+    "steps": {"lw": 1.2, "drawstyle": "steps-post"}, "dots": {"ls": "", "marker": ".", "ms": 4.0},
+}  # fmt: skip
+
+
+def draw_exploration(explored: Exploration, folder: Path) -> list[Picture]:
+    """Draw the stills of all groups into a folder; the pictures, with their captions.  Raises OSError."""
+    pictures = []
+    for waterfall in explored.waterfalls:
+        pictures.append(Picture(folder / waterfall.file, waterfall.caption))
+        draw_waterfall(folder / waterfall.file, waterfall)
+    for group in explored.charts:
+        for still in group.stills:
+            pictures.append(Picture(folder / still.file, still.caption or group.caption))
+            draw_charts(folder / still.file, group, still)
+    for clouds in explored.clouds:
+        if clouds.file:
+            pictures.append(Picture(folder / clouds.file, clouds.caption))
+            draw_clouds(folder / clouds.file, clouds)
+    return pictures
+
+
+def draw_charts(path: Path, group: ChartGroup, still: Still | None = None) -> None:
+    """Draw the charts of a group as a PNG file: below one another, or in columns as on the page.
+
+    Parameters
+    ----------
+    group: the charts, and what is marked in each of them.
+    still: what of the group is shown; None: all of it.
+    """
+    still = still or Still(path.name)
+    charts = [_choose(chart, still.curves) for chart in group.charts[: still.charts]]
+    columns = group.columns
+    if still.enlarged:
+        pairs = [
+            (chart, replace(_choose(chart, [still.enlarged]), title=f"{chart.title}, {still.enlarged} enlarged"))
+            for chart in charts
+        ]
+        charts, columns = [chart for pair in pairs for chart in pair], 2
+    shown = replace(group, title=still.title or group.title, charts=charts)
+    rows = -(-len(charts) // columns)
+    size = {1: 11.0, 2: 12.0, 3: 15.0}[columns], 1.2 + (4.4 if rows == 1 else 3.0 if columns == 3 else 2.5) * rows
+    draw(path, *size, lambda figure: paint_charts(figure, shown, columns))
+
+
+def paint_charts(figure: Figure, group: ChartGroup, columns: int = 1) -> None:
+    """Paint charts in so many columns, with one legend where all have the same curves, else one beside each."""
+    grid = figure.subplots(-(-len(group.charts) // columns), columns, sharex=True, squeeze=False)
+    legends = [_paint_chart(axes, chart, group) for axes, chart in zip(grid.flat, group.charts, strict=True)]
+    if columns > 1 or all(legend.keys() == legends[0].keys() for legend in legends):
+        legend = {text: handle for legend in legends for text, handle in legend.items()}
+        fit = int(8.5 * figure.get_figwidth()) // (7 + max(map(len, legend)))  # entries beside one another
+        shown = figure.legend(legend.values(), legend.keys(), loc="outside lower center", ncols=max(1, min(6, fit)))
+        for line in shown.get_lines():
+            line.set_linewidth(3.0)
+    else:
+        for axes, legend in zip(grid.flat, legends, strict=True):
+            axes.legend(legend.values(), legend.keys(), loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=9.0)
+    for axes in grid[-1]:
+        axes.set_xlabel(f"{group.axis.label} ({pretty(group.axis.unit)})")
+    figure.suptitle(group.title, wrap=True)
+
+
+def draw_clouds(path: Path, group: CloudGroup) -> None:
+    """Draw all clouds in one plane as a PNG file, and the last one alone, enlarged."""
+
+    def paint(figure: Figure) -> None:
+        for axes, clouds in zip(figure.subplots(1, 2), (group.clouds, group.clouds[-1:]), strict=True):
+            factor, unit = engineering(group.unit, largest([cloud.hull for cloud in clouds]))
+            for cloud in clouds:
+                corners = factor * np.concatenate((cloud.hull, cloud.hull[:1]))
+                colour = COLOURS[cloud.colour]
+                axes.plot(*factor * cloud.points.T, ".", color=colour, ms=2.5, alpha=0.5, mew=0.0)
+                axes.plot(*corners.T, color=colour, label=cloud.label)
+            axes.set_aspect("equal", adjustable="datalim")
+            axes.set_xlabel(f"x ({unit})")
+            axes.set_ylabel(f"y ({unit})")
+            axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12))
+        figure.suptitle(group.title, wrap=True)
+
+    draw(path, 12.0, 7.2, paint)
+
+
+def draw_table(path: Path, header: Sequence[str], rows: Sequence[Sequence[str]], *, title: str = "") -> None:
+    """Draw a table as a PNG file: ``rows`` of text under a ``header``."""
+    width = sum(2 + max(len(line[column]) for line in [header, *rows]) for column in range(len(header)))
+
+    def paint(figure: Figure) -> None:
+        axes = figure.subplots()
+        axes.axis("off")
+        table = axes.table([list(row) for row in rows], colLabels=list(header), loc="center", edges="horizontal")
+        table.auto_set_font_size(False)
+        table.set_fontsize(13.0)
+        table.auto_set_column_width(list(range(len(header))))
+        table.scale(1.0, 1.6)
+        figure.suptitle(title)
+
+    draw(path, 0.6 + 0.115 * width, 1.0 + 0.36 * len(rows), paint)
+
+
+def _choose(chart: Chart, labels: Sequence[str]) -> Chart:
+    """The chart with the curves of these labels; with all for none."""
+    return replace(chart, curves=[curve for curve in chart.curves if curve.label in labels]) if labels else chart
+
+
+def _paint_chart(axes: Axes, chart: Chart, group: ChartGroup) -> dict[str, Artist]:
+    """Paint a chart with what is marked in it; what a legend names, by its text."""
+    most = largest(each for curve in chart.curves for each in curve.ends)
+    factor, unit = engineering(chart.unit, 0.0 if chart.logarithmic else most)
+    legend = {curve.label: _paint_curve(axes, chart, curve, group.axis, factor) for curve in chart.curves}
+    for shaded in group.shaded:
+        colour = COLOURS[shaded.colour]
+        for first, last in shaded.spans:
+            legend[shaded.label] = axes.axvspan(first, last, color=colour, alpha=shaded.opacity, lw=0, zorder=0.5)
+    for text, at in group.marked:
+        legend[text] = axes.axvline(at, color=REFERENCE, lw=1.2, ls=":")
+    if group.axis.logarithmic:
+        axes.set_xscale("log")
+    if chart.logarithmic and most > 0.0:
+        axes.set_yscale("log")
+    axes.margins(x=0.0)
+    axes.set_title(chart.title.replace("$", r"\$"), loc="left", fontsize=11.5)
+    axes.set_ylabel(unit)
+    return legend
+
+
+def _paint_curve(axes: Axes, chart: Chart, curve: Curve, axis: Axis, factor: float) -> Artist:
+    """Paint a line, or a band between the extremes of each span; returns it."""
+    low, high = (factor * np.asarray(values, dtype=float) for values in curve.ends)
+    if chart.logarithmic:  # zero has no place there: a gap instead
+        low, high = (np.where(values > 0.0, values, np.nan) for values in (low, high))
+    colour, drawn = COLOURS[curve.colour], _DRAWN[curve.drawn]
+    if curve.drawn == "dots":
+        return axes.plot(axis.values, low, color=colour, label=curve.label, **drawn)[0]
+    at, low, high = _thin(axis, low, high)
+    if curve.drawn != "line" or np.array_equal(low, high, equal_nan=True):
+        return axes.plot(at, low, color=colour, label=curve.label, **drawn)[0]
+    # The edge keeps a band visible where it is thinner than a pixel.
+    return axes.fill_between(at, low, high, color=colour, lw=0.8)
+
+
+def _thin(axis: Axis, low: Array, high: Array) -> tuple[Array, Array, Array]:
+    """Axis values, lowest and highest value of each of at most :data:`MOST_SPANS` spans."""
+    at = np.asarray(axis.values)
+    if len(at) <= MOST_SPANS:
+        return at, low, high
+    place = np.log(at) if axis.logarithmic else at
+    spans = ((place - place[0]) * (MOST_SPANS / (place[-1] - place[0]))).astype(int)
+    starts = np.flatnonzero(np.diff(spans, prepend=-1))
+    return at[starts], np.fmin.reduceat(low, starts), np.fmax.reduceat(high, starts)

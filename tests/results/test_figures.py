@@ -1,0 +1,190 @@
+"""Figures as PNG files: what is painted of charts and clouds, units, colours, and the same bytes each time."""
+
+import struct
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from matplotlib import image, rc_context
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+
+from ps_fmu.results import figures
+from ps_fmu.results.page.content import Axis, Chart, ChartGroup, Cloud, CloudGroup, Curve, Exploration, Spans, Still
+from ps_fmu.results.style import COLOURS, DOTS_PER_INCH, STYLE, draw, engineering, largest, pretty
+
+
+def png_size(path):
+    """Width and height from the header of a PNG file."""
+    header = path.read_bytes()[:24]
+    assert header[:8] == b"\x89PNG\r\n\x1a\n"
+    return struct.unpack(">II", header[16:24])
+
+
+def test_drawing_is_prepared_in_a_thread():
+    script = """if True:
+        import sys
+        from ps_fmu.results.style import prepare_drawing
+        assert "matplotlib" not in sys.modules
+        thread = prepare_drawing()
+        thread.join(300.0)
+        print(thread.is_alive(), thread.daemon, "matplotlib.backends.backend_agg" in sys.modules)
+    """
+    found = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=240, check=True)
+    assert found.stdout.split() == ["False", "True", "True"]
+
+
+def make_group(charts=2, count=4000, scale=1e-5, **more):
+    """Charts of a passive and an active case, the active one a hundred times smaller; the first has a band."""
+    time, values = 1e-3 * np.arange(count), scale * np.random.default_rng(1).normal(size=count)
+    curves = [Curve("passive", "passive", values, values + scale), Curve("active", "active", 0.01 * values)]
+    shown = [Chart(f"a.{k}", "rad", curves) for k in range(charts)]
+    return ChartGroup("Jitter", "", Axis("time", "s", time), shown, **more)
+
+
+def make_spectrum(values, **more):
+    """One chart over 1 to 100,000 Hz."""
+    frequency = np.geomspace(1.0, 1e5, len(values))
+    return ChartGroup("a", "", Axis("f", "Hz", frequency, True), [Chart("b", "1", [Curve("c", "x", values)], **more)])
+
+
+def paint(group, columns=1):
+    """The axes of a figure, painted without a file."""
+    with rc_context(STYLE):
+        figure = Figure(figsize=(8.0, 6.0), layout="constrained")
+        figures.paint_charts(figure, group, columns)
+    return figure
+
+
+def share_of(path, name, opacity):
+    """How much of a picture has a colour of this opacity on white."""
+    mixed = [1.0 - opacity * (1.0 - part) for part in to_rgb(COLOURS[name])]
+    return np.all(np.abs(image.imread(path)[..., :3] - mixed) < 0.01, axis=-1).mean()
+
+
+@pytest.mark.parametrize(
+    ("charts", "still", "size"),
+    [
+        (2, Still("a.png"), (11.0, 6.2)),
+        (1, Still("a.png"), (11.0, 5.6)),
+        (6, Still("a.png"), (15.0, 7.2)),
+        (3, Still("a.png", enlarged="active"), (12.0, 8.7)),
+        (3, Still("a.png", charts=1), (11.0, 5.6)),
+    ],
+)
+def test_charts_stand_below_one_another_or_in_columns(tmp_path, charts, still, size):
+    (picture,) = figures.draw_exploration(Exploration([make_group(charts, stills=[still])]), tmp_path)
+    assert picture.path == tmp_path / "a.png"
+    assert png_size(picture.path) == tuple(pytest.approx(inches * DOTS_PER_INCH, abs=1) for inches in size)
+
+
+def test_a_still_shows_some_curves(tmp_path):
+    """Passive is orange, active blue."""
+    for name, other in (("passive", "active"), ("active", "passive")):
+        figures.draw_charts(tmp_path / "a.png", make_group(1), Still("a.png", curves=(name,)))
+        assert share_of(tmp_path / "a.png", name, 1.0) > 1e-3 and share_of(tmp_path / "a.png", other, 1.0) == 0.0
+
+
+def test_the_same_data_give_the_same_bytes(tmp_path):
+    pictures = set()
+    for _ in range(2):
+        figures.draw_charts(tmp_path / "a.png", make_group())
+        pictures.add((tmp_path / "a.png").read_bytes())
+    assert len(pictures) == 1
+
+
+def test_axes_have_units_that_suit_the_values():
+    figure = paint(make_group())
+    assert [axes.get_ylabel() for axes in figure.axes] == ["\N{MICRO SIGN}rad"] * 2
+    assert figure.axes[-1].get_xlabel() == "time (s)" and figure.get_suptitle() == "Jitter"
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["passive", "active"]
+
+
+def test_no_peak_is_lost_where_a_curve_has_more_values_than_the_picture():
+    values = np.zeros(100_000)
+    values[54_321] = 1.0
+    (axes,) = paint(make_spectrum(values)).axes
+    (band,) = axes.collections
+    assert band.get_datalim(axes.transData).y1 == 1.0
+
+
+@pytest.mark.parametrize("shaded", [(), (Spans("a fault acts", [(1.0, 2.0)], "fault", 0.25),)])
+def test_spans_are_shaded_in_each_chart_and_named(tmp_path, shaded):
+    group = make_group(shaded=shaded, marked=[("end", 3.0)])
+    figures.draw_charts(tmp_path / "a.png", group)
+    share = share_of(tmp_path / "a.png", "fault", 0.25)
+    assert (0.02 < share < 0.25) if shaded else share < 1e-3
+    names = [text.get_text() for text in paint(group).legends[0].get_texts()]
+    assert names == ["passive", "active", *(["a fault acts"] if shaded else []), "end"]
+
+
+@pytest.mark.parametrize("level", [1e-12, 0.0])
+def test_zero_is_a_gap_of_a_logarithmic_chart(tmp_path, level):
+    values = np.full(100, level)
+    values[:50] = 0.0
+    figures.draw_charts(tmp_path / "a.png", make_spectrum(values, logarithmic=True))
+    assert png_size(tmp_path / "a.png")[0] == 11.0 * DOTS_PER_INCH
+
+
+def test_a_picture_is_what_matplotlib_saves(tmp_path):
+    """Pixel by pixel, though the layout is found without the small ticks of logarithmic axes."""
+
+    def paint(figure):
+        for axes in figure.subplots(2, 2, sharex=True).flat:
+            axes.loglog([0.3, 700.0], [2e-3, 5.0])
+            axes.set(xlabel="frequency (Hz)", ylabel="PSD", title="x")
+        figure.suptitle("Spectra")
+
+    draw(tmp_path / "a.png", 8.0, 6.0, paint)
+    with rc_context(STYLE):
+        figure = Figure(figsize=(8.0, 6.0), dpi=DOTS_PER_INCH, layout="constrained")
+        paint(figure)
+        figure.savefig(tmp_path / "b.png")
+    found, expected = (image.imread(tmp_path / name) for name in ("a.png", "b.png"))
+    np.testing.assert_array_equal(found, expected)
+    for axes in figure.axes:
+        axes.minorticks_off()
+    figure.savefig(tmp_path / "b.png")
+    assert np.any(image.imread(tmp_path / "b.png") != expected)  # small ticks are there
+
+
+@pytest.mark.parametrize("scale", [1e-6, 0.0])
+def test_image_point(tmp_path, scale):
+    points = scale * np.random.default_rng(2).normal(size=(4000, 2))
+    sizes = {"passive": 1.0, "active": 0.01}
+    clouds = [Cloud(name, name, size * points, size * points[:3]) for name, size in sizes.items()]
+    figures.draw_exploration(Exploration(clouds=[CloudGroup("Image", "", "m", clouds, "a.png")]), tmp_path)
+    assert png_size(tmp_path / "a.png") == (12.0 * DOTS_PER_INCH, 7.2 * DOTS_PER_INCH)
+
+
+def test_table(tmp_path):
+    figures.draw_table(tmp_path / "a.png", ["axis", "RMS (rad)"], [["x", "1e-5"], ["y", "2e-5"]], title="Result")
+    width, height = png_size(tmp_path / "a.png")
+    assert width > height
+
+
+@pytest.mark.parametrize(
+    ("unit", "magnitude", "expected"),
+    [
+        ("m", 2.3e-3, (1e3, "mm")),
+        ("rad", 1.6e-5, (1e6, "\N{MICRO SIGN}rad")),
+        ("rad", 1e-7, (1e9, "nrad")),
+        ("N", 1.0, (1.0, "N")),
+        ("rad", 1e-30, (1e12, "prad")),
+        ("rad", 0.0, (1.0, "rad")),
+        ("rad", float("nan"), (1.0, "rad")),
+        ("kg.m2", 1e-5, (1.0, "kg m$^2$")),
+        ("1", 1e-5, (1.0, "")),
+    ],
+)
+def test_engineering_units(unit, magnitude, expected):
+    factor, label = engineering(unit, magnitude)
+    assert factor == pytest.approx(expected[0])
+    assert label == expected[1]
+
+
+def test_helpers():
+    assert pretty("m/s2") == "m/s$^2$"
+    assert largest([np.array([1.0, -3.0]), np.array([np.nan])]) == 3.0
+    assert largest([]) == 0.0
