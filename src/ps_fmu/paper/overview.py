@@ -9,9 +9,8 @@ from tqdm import tqdm
 
 from ..analyses.finding import Finding
 from ..analyses.jobs import Job, run_jobs
-from ..analyses.options import AnalysisOptions
 from ..analyses.result import AnalysisResult
-from ..analyses.table import ANALYSES
+from ..analyses.table import ANALYSES, AnalysisOptions
 from ..control.commander import DEFAULT_ALGORITHM_1
 from ..cosim.ssp.parameters import read_parameters
 from ..mechanism.parameters import load

@@ -21,7 +21,7 @@ from ..figures.fig07.runs import EPSILON_AS_PUBLISHED
 from ..figures.table2.closed_form import ORIENTATIONS
 from ..published import published_numbers
 from . import case
-from .erratum import BY_READING, Erratum, rate, relative_error
+from .case import BY_READING, Erratum, rate, relative_error
 
 EPSILON = DEFAULT_ALGORITHM_1.epsilon  # m, of Algorithm 1 as printed
 

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...analyses.finding import Finding
-from ...analyses.options import AnalysisOptions
 from ...analyses.result import AnalysisResult, paint_pictures
+from ...analyses.table import AnalysisOptions
 from ...mechanism.parameters import Array, load
 from ...results.style import ACTIVE, PASSIVE, REFERENCE
 from ...results.tables import Table

@@ -22,7 +22,7 @@ from ...mechanism.rotations import GimbalLockError, orientation_rate_map
 from .. import workspace
 from ..figures.table2.closed_form import ORIENTATIONS
 from ..published import ANGLES
-from .fit import Identifiability, Range, follow, roundings, slopes, targets
+from .fit import Identifiability, Range, follow, roundings, slopes, targets, values_at
 
 RANGES = (
     Range("height of P above B", "m", 0.25, 0.50),
@@ -43,8 +43,8 @@ LEAST_CLEARANCE = 0.02  # m, between the axes of legs: room for bodies of 20 mm
 
 def symmetric(places: Sequence[float] | Array, stroke: Array) -> Geometry:
     """Joints for the places (10,) of the parameters in :data:`RANGES`; stroke (2,), m."""
-    (height, base_c, azimuth_c, platform_c, twist_c, base_f, azimuth_f, height_f, platform_f, twist_f) = (
-        r.at(u) for r, u in zip(RANGES, places, strict=True)
+    height, base_c, azimuth_c, platform_c, twist_c, base_f, azimuth_f, height_f, platform_f, twist_f = values_at(
+        RANGES, places
     )
     azimuth_f += azimuth_c
     return Geometry(
@@ -119,7 +119,7 @@ class Candidate:
     @property
     def values(self) -> list[float]:
         """Its parameters in their units."""
-        return [r.at(u) for r, u in zip(RANGES, self.places, strict=True)]
+        return values_at(RANGES, self.places)
 
 
 def limits(geometry: Geometry, step: float = workspace.STEP) -> Array:

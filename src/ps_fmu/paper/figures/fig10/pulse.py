@@ -98,6 +98,11 @@ class PulseResponse:
         return float(np.sqrt(np.mean(np.sum(self.rotation**2, axis=1))))
 
     @property
+    def mode(self) -> str:
+        """``active`` or ``passive``."""
+        return "active" if self.enabled else "passive"
+
+    @property
     def name(self) -> str:
         """The case, with the delay if it is not the paper's."""
         return self.case if self.delay_s == paper_delay_s() else f"{self.case}, {1e3 * self.delay_s:g} ms"
