@@ -120,7 +120,7 @@ def _measure(
     shaking = make_shaking(options.step_s, read_tracker(system).sample_time)
     values = dict(zip(TARGET, target, strict=True))
     with tqdm(total=3 * shaking.seeds, unit="run", disable=not options.progress, desc="loop cut open") as bar:
-        return measure_loop(system.structure, loop, shaking, values, plan.target, options.seed, bar.update)
+        return measure_loop(system.structure, loop, shaking, values, plan.target, options.seed or 0, bar.update)
 
 
 def _check_components(system: RunSystem) -> None:

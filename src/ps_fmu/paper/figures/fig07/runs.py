@@ -198,7 +198,7 @@ def paths(rate: float, options: RunOptions) -> dict[str, tuple[Array, int]]:
     """Targets of each path, (n, 3), rad, and the steps at each; ``rate`` of the coarse legs, m/s."""
     geometry = load().manipulator.geometry
     makers: dict[str, Callable[[int], Array]] = {plane: partial(quadrilateral, geometry, plane) for plane in PLANES}
-    makers[WALK] = lambda count: random_walk(geometry, count, options.seed)
+    makers[WALK] = lambda count: random_walk(geometry, count, options.seed or 0)
     return {path: _fit_targets(path, make, rate, options) for path, make in makers.items()}
 
 
