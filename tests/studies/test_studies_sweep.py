@@ -27,7 +27,7 @@ from .conftest import OBSERVE, STUDY, list_missing
 
 KILLS = 10 if os.environ.get("PS_FMU_SOAK") else 1
 SLOW = '[[vary]]\nparameter = "slowness"\ndistribution = "uniform"\nlow = "1e-3"\nhigh = "2e-3"\n'
-MANY = {"cases = 6": "cases = 40", "[[observe]]": SLOW + "[[observe]]"}
+MANY = {"cases = 6": "cases = 12", "[[observe]]": SLOW + "[[observe]]"}
 HELD = 20  # cases of a study that is disturbed
 
 
