@@ -15,13 +15,13 @@ DISTURBANCE = ROOT / "src" / "ps_fmu" / "disturbance"
 IMPORTS = (DISTURBANCE / "tones.py").read_text(encoding="utf-8").split("\n\n\n")[0]
 
 RUN_SCENARIO = """
-from ps_fmu.runs.execute import run_scenario
+from ps_fmu.runs.run import execute
 from ps_fmu.runs.options import RunOptions
 from ps_fmu.runs.scenario import SCENARIOS
 
 scenario = SCENARIOS["quiet"]
 system, output, fmus = (Path(argument) for argument in sys.argv[2:])
-run_scenario(RunOptions(scenario, system, output, 0.01, 1e-3, fmus=fmus, progress=False).claim_output())
+execute(RunOptions(scenario, system, output, 0.01, 1e-3, fmus=fmus, progress=False).claim_output())
 """
 
 MAKE_FORCE = """

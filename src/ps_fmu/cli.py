@@ -93,12 +93,6 @@ def _add_run(commands: argparse._SubParsersAction[LazyParser]) -> None:
     run = commands.add_parser("run", help="run a scenario of the whole system, or any .ssp, .ssd or .fmu")
 
     def fill(parser: argparse.ArgumentParser, arguments: Sequence[str]) -> None:
-        from . import system_command
-
-        if system_command.is_meant(arguments):
-            system_command.add_arguments(parser)
-            parser.set_defaults(run=lambda options: system_command.run(options, parser))
-            return
         from . import run_command as command
 
         command.add_arguments(parser)

@@ -22,8 +22,8 @@ from ps_fmu.paper.figures.fig10.pulse import PULSE_S
 from ps_fmu.paper.figures.fig10.report import analyse
 from ps_fmu.paper.published import published_numbers
 from ps_fmu.pointing.response import Response
-from ps_fmu.runs.execute import run_scenario
 from ps_fmu.runs.options import OptionError
+from ps_fmu.runs.run import execute
 from ps_fmu.runs.scenario import SCENARIOS
 from ps_fmu.scenarios.shaking import Shaking
 from ps_fmu.theory.loop import loop_at
@@ -118,7 +118,7 @@ def test_predictions_are_of_the_parameters_of_the_run(make_options, ssv, monkeyp
     given |= {f"isolator.fine_leg_{leg}.stiffness": 1.4 * stiffness for leg in (1, 2, 3)}
     given |= {"commander.target.roll": 0.1, "isolator.force_limit": 100.0}
     options = make_options("stability", 3.0, step_s=1e-3, parameters=(ssv(given),), figures=True)
-    run_scenario(options)
+    execute(options)
     summary = json.loads((options.output / "summary.json").read_text())
     assert "commander.target.pitch is not connected and stays at 0.0 rad" in summary["warnings"]
     with netCDF4.Dataset(options.output / "results.nc") as file:
@@ -165,7 +165,7 @@ def test_a_limit_is_said_to_be_exceeded_only_if_it_is():
 
 def test_a_run_too_short_for_poles_is_refused(make_options):
     with pytest.raises(OptionError, match=r"--duration: poles need 3 s at least, got 1 s"):
-        run_scenario(make_options("stability", 1.0, step_s=1e-3))
+        execute(make_options("stability", 1.0, step_s=1e-3))
 
 
 def test_pulse_leaves_neither_velocity_nor_displacement():

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from ps_fmu.runs.execute import run_scenario
+from ps_fmu.runs.run import execute
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "results.md"
 
@@ -13,7 +13,7 @@ DOCUMENT = Path(__file__).parents[2] / "docs" / "results.md"
 @pytest.mark.filterwarnings("error")
 def test_the_examples_of_the_document_run(make_options, monkeypatch, tmp_path):
     options = make_options("isolation", 7.0, step_s=1e-3)
-    run_scenario(options)
+    execute(options)
     (tmp_path / "results").mkdir()
     (tmp_path / "results" / "isolation").symlink_to(options.output)
     monkeypatch.chdir(tmp_path)

@@ -3,7 +3,7 @@
 import netCDF4
 
 from ps_fmu.cosim.rows import Column
-from ps_fmu.runs.stored_names import make_stored_names, rename_columns
+from ps_fmu.runs.stored_rows import make_stored_names, rename_columns
 
 
 def test_names_for_netcdf():

@@ -10,8 +10,8 @@ import pytest
 from ps_fmu.disturbance.turning import RPM, SpeedProfile, SpeedTable
 from ps_fmu.disturbance.wheels import Harmonics, WheelSource
 from ps_fmu.product.files import find_product
-from ps_fmu.runs.execute import run_scenario
 from ps_fmu.runs.options import OptionError
+from ps_fmu.runs.run import execute
 from ps_fmu.scenarios.wheel_lines import (
     Spectrogram,
     Wheel,
@@ -202,7 +202,7 @@ def test_nothing_is_crossed():
 
 
 def run(options):
-    run_scenario(options)
+    execute(options)
     return json.loads((options.output / "summary.json").read_text())
 
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cosim.recording.columns_on_disk import read_rows
-from ..mechanism.geometry import Geometry
 from ..mechanism.inverse_kinematics import trilaterate
+from ..mechanism.kinematics import Geometry
 from ..mechanism.rotations import rotation_matrix
 from ..pointing.spectra import cumulative_rms, log_bands
-from ..reduction.columns import NETCDF_LOCK
+from ..results.datasets import open_results
 from ..results.observers.bins import Envelope, MeanObserver, Means
 from ..results.observers.scatter import Scatter
 from ..results.page.content import (
@@ -243,15 +242,6 @@ def chart_settled(
         f"lies below a frequency. Of each segment the mean and the linear trend are taken out.{filtered}"
     )
     return [chart_spectra(f"Spectra of the settled part: {what}", caption, names, frequency, spectra)]
-
-
-@contextmanager
-def open_results(path: Path) -> Iterator[Any]:
-    """The groups of results.nc, to be read by one thread at a time.  Raises OSError."""
-    import netCDF4
-
-    with NETCDF_LOCK, netCDF4.Dataset(path) as file:
-        yield file
 
 
 def show_mechanism(system: RunSystem, results: Path, runs: Sequence[tuple[str, str]]) -> Mechanism | None:

@@ -9,12 +9,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...cosim import Master, System, Value
+from ...cosim import System, Value
 from ...disturbance import multisine_lines, psd_at_origin
 from ...mechanism.parameters import Array
 from ...mechanism.quantities import Complex
 from ...results.observers.sampler import SampleObserver
 from ...results.observers.statistics import Statistics
+from ...runs.runner import compute
 from ...sensors.inertial import default_sensors
 from ...theory.sensed_isolation import SensedIsolation, line_of_sight
 from .results import MICRO_G, STEP, Trade
@@ -103,10 +104,10 @@ def measure_bias(system: System, isolation: SensedIsolation, duration: float = 1
         CORNER: BIAS_CORNER,
     }
     rows = np.arange(1, 201) * round(duration / STEP / 200)
-    with Master(system.with_parameters(values), STEP, only=LINE_OF_SIGHT) as master:
-        master.initialise()
-        samples = SampleObserver(master.columns, LINE_OF_SIGHT[:1], rows.tolist())
-        master.run(duration, [samples])
+    samples = compute(
+        system.with_parameters(values), STEP, duration,
+        lambda columns: SampleObserver(columns, LINE_OF_SIGHT[:1], rows.tolist()), only=LINE_OF_SIGHT,
+    )  # fmt: skip
     error = default_sensors().estimator[:6, BIASED - 1] * MICRO_G
     final = float(isolation.solve(default_sensors(), BIAS_CORNER).offset(error)[0])
     time = np.asarray(rows * STEP, dtype=np.float64)
@@ -127,10 +128,10 @@ def _measure(system: System, trade: Trade, name: str, corner: float, duration: f
         CORNER: corner,
     }
     start = find_settling(corner)
-    with Master(system.with_parameters(values), STEP, only=LINE_OF_SIGHT) as master:
-        master.initialise()
-        statistics = Statistics(master.columns, LINE_OF_SIGHT, start_s=start)
-        master.run(round((start + duration) / STEP) * STEP, [statistics])
+    statistics = compute(
+        system.with_parameters(values), STEP, round((start + duration) / STEP) * STEP,
+        lambda columns: Statistics(columns, LINE_OF_SIGHT, start_s=start), only=LINE_OF_SIGHT,
+    )  # fmt: skip
     return float(np.linalg.norm(statistics.result().rms))
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....disturbance.recording import HEADER as RECORDING
-from ....interface.parameter_sets import build_plant_and_isolator
+from ....interface.start_values import build_plant_and_isolator
 from ....mechanism.parameters import Array
 from ....pointing.response import rightmost, slowest_mode
 from ....runs.cases import Case, Outcome, run_case
