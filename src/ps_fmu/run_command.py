@@ -7,6 +7,7 @@ Ctrl-C or SIGTERM (results so far are kept).
 from __future__ import annotations
 
 import argparse
+import errno
 import shlex
 import sys
 from collections.abc import Sequence
@@ -199,9 +200,9 @@ def run(arguments: argparse.Namespace, command_line: argparse.ArgumentParser) ->
             stack.enter_context(hold_folder(options.output, options.resume))
         except OptionError as error:
             command_line.error(str(error))
-        except OSError as error:  # the product's files or the user's home are not there
+        except OSError as error:  # the product's files or the user's home are not there, or no file has such a name
             print(f"{program}: {reason(error)}", file=sys.stderr)
-            return 1
+            return 2 if error.errno == errno.ENAMETOOLONG else 1
         try:
             done = execute(options)
         except KeyboardInterrupt:

@@ -200,7 +200,7 @@ def test_a_run_that_fails_keeps_its_rows(failing, tmp_path, capsys):
     out = tmp_path / "out"
     assert run(failing("nan"), "--step", "0.01", "--duration", "1", "--output", out) == 1
     error = capsys.readouterr().err
-    assert "f: not a finite number at t = 0.06 s" in error
+    assert "f: not a finite number at t = 0.06 s" in error and "stopped at t = 0.06 s" in error
     assert f"results so far: {out / 'results.nc'}" in error
     assert len(read(out)["time"]) == 6
 
