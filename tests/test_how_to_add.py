@@ -56,7 +56,7 @@ def test_a_scenario_is_one_file(run_in_copy, built_fmus, tmp_path):
     system = ROOT / "system" / "SystemStructure.ssd"
     begin = "    for scenario in (\n"
     table = SCENARIOS.read_text(encoding="utf-8").replace(begin, begin + EXAMPLES[1])
-    files = {"runs/quiet.py": EXAMPLES[0], "runs/scenario.py": table}
+    files = {"scenarios/quiet.py": EXAMPLES[0], "runs/scenario.py": table}
     printed = run_in_copy(files, RUN_SCENARIO, system, tmp_path / "out", built_fmus)
     assert printed.startswith("[0. 0. 0.]\n")
     assert (tmp_path / "out" / "report.html").is_file()
