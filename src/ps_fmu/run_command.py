@@ -25,7 +25,7 @@ from .runs.built_fmus import find_built_folder
 from .runs.keeping import read_run
 from .runs.options import OptionError, RunOptions, claim_folder, make_options, name_option
 from .runs.output import hold_folder, leave_no_empty_folder, report_end
-from .runs.run import execute
+from .runs.run import build_fmus, execute
 from .runs.scenario import SCENARIOS
 from .slavekit.pack.errors import BuildError
 from .terminal import read_output, reason
@@ -204,6 +204,7 @@ def run(arguments: argparse.Namespace, command_line: argparse.ArgumentParser) ->
             print(f"{program}: {reason(error)}", file=sys.stderr)
             return 2 if error.errno == errno.ENAMETOOLONG else 1
         try:
+            build_fmus(options)
             done = execute(options)
         except KeyboardInterrupt:
             return report_end(program, "interrupted", options.output, 130)

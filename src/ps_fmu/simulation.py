@@ -123,6 +123,7 @@ def simulate(
         chosen = replace(
             chosen, seed=seed, checkpoint_s=checkpoint, resume=resume, figures=False, source=begin, anew=without
         )
+        build_fmus(chosen)
         done = execute(chosen, shown.append)
     return Result(folder, "\n".join([*shown, *([done.refused] if done.refused else [])]))
 
