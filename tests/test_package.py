@@ -36,7 +36,7 @@ MAY_IMPORT = {
         "product",
     },
     "scenarios": {
-        *PHYSICS, "theory", "interface", "cosim", "pointing", "results", "requirements", "runs",
+        *PHYSICS, "theory", "interface", "cosim", "pointing", "reduction", "results", "requirements", "runs",
     },
     "analyses": {"cosim", "results", "runs", "slavekit", "product"},
     "paper": {

@@ -11,8 +11,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .analyses.options import AnalysisOptions
-from .analyses.table import ANALYSES, Analysis
+from .analyses.table import ANALYSES, Analysis, AnalysisOptions
 from .product.files import find_file, find_product
 from .runs.built_fmus import find_built_folder
 from .terminal import read_output, reason

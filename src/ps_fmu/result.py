@@ -19,6 +19,7 @@ from markupsafe import escape
 from .cosim.ssp.writing import start_values_xml
 from .cosim.structure import Parameter, Value, suggest_names
 from .results.datasets import list_cases, make_dataset, read_case
+from .results.summary import plain
 from .runs.options import PARAMETERS, REPORT, RESULTS, SUMMARY, OptionError, claim_folder
 from .runs.origin import list_attributes, write_origin
 from .runs.output import hold_folder, leave_no_empty_folder
@@ -125,7 +126,7 @@ class Result:
             text = (self._path / SUMMARY).read_text(encoding="utf-8")
         else:
             run, findings = self._found
-            text = json.dumps(make_summary(run.options, run.system, findings).as_dict())
+            text = json.dumps(plain(make_summary(run.options, run.system, findings), SUMMARY))
         found: dict[str, Any] = json.loads(text)
         return found
 

@@ -15,7 +15,7 @@ from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
-from .cosim.checkpoint.options import add_checkpoint_options
+from .cosim.checkpoint import add_checkpoint_options
 from .cosim.errors import CosimError, MissingFmuError, UsageError
 from .cosim.isolation.instance import add_isolation_options, read_isolation
 from .cosim.schemes.scheme import add_scheme_options, read_scheme

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import ctypes
 import shutil
 import zipfile
 from collections.abc import Callable, Mapping, Sequence
+from ctypes import CFUNCTYPE, c_double, c_int, c_size_t, c_void_p
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +17,10 @@ from support.linear import Coupled, make_oscillator
 from support.relays import make_relay
 
 from ps_fmu.cosim import System, read_system
-from ps_fmu.cosim.fmu_instance import ACCESS, STEP, FmuInstance
+from ps_fmu.cosim.fmu_instance import FmuInstance
 
+ACCESS = CFUNCTYPE(c_int, c_void_p, c_void_p, c_size_t, c_void_p)
+STEP = CFUNCTYPE(c_int, c_void_p, c_double, c_double, c_int)
 TOYS = Path(__file__).parent / "toys"
 
 
@@ -113,25 +117,27 @@ def rewrite(tmp_path: Path) -> Callable[[Path, Mapping[str, str]], Path]:
 def answer(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[Any]]:
     """Let a function of one component answer with a status from its n-th call on, ``really`` called or not."""
 
+    kept: list[Any] = []  # ctypes keeps no reference to a callback
+
     def patch(component: str, function: str, status: int, n: int = 5, really: bool = False) -> list[Any]:
         calls: list[Any] = []
-        for attribute, prototype in (("stepper", STEP), ("access", ACCESS)):
-            original = getattr(FmuInstance, attribute)
+        prototype, original = STEP if function == "fmi2DoStep" else ACCESS, FmuInstance.find_address
 
-            def replaced(self: FmuInstance, *args: str, original: Any = original, prototype: Any = prototype) -> Any:
-                real = original(self, *args)
-                if self.name != component or (args or ("fmi2DoStep",)) != (function,):
-                    return real
+        def replaced(self: FmuInstance, name: str) -> int:
+            if self.name != component or name != function:
+                return original(self, name)
+            real = prototype(original(self, name))
 
-                def stand_in(*arguments: Any) -> int:
-                    calls.append(arguments)
-                    if len(calls) <= n:
-                        return real(*arguments)
-                    return max(status, real(*arguments)) if really else status
+            def stand_in(*arguments: Any) -> int:
+                calls.append(arguments)
+                if len(calls) <= n:
+                    return real(*arguments)
+                return max(status, real(*arguments)) if really else status
 
-                return prototype(stand_in)
+            kept.append(prototype(stand_in))
+            return ctypes.cast(kept[-1], ctypes.c_void_p).value or 0
 
-            monkeypatch.setattr(FmuInstance, attribute, replaced)
+        monkeypatch.setattr(FmuInstance, "find_address", replaced)
         return calls
 
     return patch

@@ -1,4 +1,4 @@
-"""``only``: fewer outputs are read, and those that are left have the same bits."""
+"""Which outputs are read, recorded and stored; those that are left have the same bits."""
 
 from pathlib import Path
 
@@ -7,6 +7,7 @@ from support.cosim import Collect, ssd_text
 
 from ps_fmu.cosim import Master, UsageError, read_system
 from ps_fmu.cosim.fmu_instance import FmuInstance
+from ps_fmu.cosim.recording.thinner import select_names
 
 H = 0.01
 WIRED = {"mass.position", "mass.velocity", "spring.force", "first.odd", "first.count", "second.half"}
@@ -38,9 +39,9 @@ def test_what_is_left_has_the_same_bits(mixed_chain, scheme, only):
 
 def test_an_fmu_is_asked_for_nothing_else(mixed_chain, monkeypatch):
     asked = []
-    access = FmuInstance.access
+    find = FmuInstance.find_address
     monkeypatch.setattr(
-        FmuInstance, "access", lambda self, name: asked.append((self.name, name)) or access(self, name)
+        FmuInstance, "find_address", lambda self, name: asked.append((self.name, name)) or find(self, name)
     )
     with Master(mixed_chain, H, only=["mass.position"]) as master:
         master.initialise()
@@ -90,3 +91,50 @@ def test_outputs_of_the_system_keep_names_and_values(toys: Path, tmp_path: Path)
     assert found[1]["shown"].tobytes() == found[0]["mass.velocity"].tobytes()
     assert found[1]["mass.velocity"].any()
     assert list(found[2]) == ["spring.force"]
+
+
+NAMES = ["plant.los.x", "plant.los.y", "plant.y[1]", "plant.y[2]", "isolator.saturated"]
+
+
+@pytest.mark.parametrize(
+    ("patterns", "found"),
+    [
+        ([], NAMES),
+        (["plant.los.?"], NAMES[:2]),
+        (["isolator.*", "*.x", "plant.los.*"], [NAMES[0], NAMES[1], NAMES[4]]),  # in the order of the names, once each
+        (["plant.y[1]"], ["plant.y[1]"]),
+        (["plant.y*"], NAMES[2:4]),
+        (["*.[xs]*"], [NAMES[0], NAMES[4]]),
+        (["plant.los"], NAMES[:2]),
+        (["*.los"], NAMES[:2]),
+    ],
+)
+def test_names_that_a_pattern_matches(patterns, found):
+    assert select_names(NAMES, patterns) == found
+
+
+@pytest.mark.parametrize(
+    ("pattern", "text"),
+    [
+        ("plant.los.z", r"no output matches 'plant\.los\.z'; did you mean plant\.los\.[xy], plant\.los\.[xy]"),
+        ("plant.loss.*", r"'plant\.loss\.\*'; did you mean plant\.los\."),
+        ("PLANT.LOS.X", "the components are isolator, plant"),
+        ("", "no output matches ''"),
+    ],
+)
+def test_a_pattern_that_matches_nothing_is_refused_with_near_names(pattern, text):
+    with pytest.raises(UsageError, match=text):
+        select_names(NAMES, ["plant.*", pattern])
+
+
+def test_the_name_of_a_vector_stands_for_its_components_and_that_of_a_component_for_nothing():
+    names = ["plant.leg_force_1", "plant.leg_force_2", "plant.leg_forces", "plant.power"]
+    assert select_names(names, ["plant.leg_force"]) == names[:2]
+    with pytest.raises(UsageError, match="no output matches 'plant'"):
+        select_names(names, ["plant"])
+
+
+def test_a_system_without_outputs_has_nothing_to_select():
+    assert select_names([], []) == []
+    with pytest.raises(UsageError, match="the components are none"):
+        select_names([], ["*"])

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from support.cosim import Collect
 
-from ps_fmu.cosim import Column, Master, Recorder, RecorderError, SlaveError
+from ps_fmu.cosim import Column, Master, Recorder, RecorderError
 from ps_fmu.cosim.fmu_instance import InstancePhase
 from ps_fmu.cosim.recording import delivery
 
@@ -68,24 +68,6 @@ def test_all_observers_end_with_the_block_in_which_one_failed(oscillator, block)
     assert master.phases["mass"] is InstancePhase.FREED
     assert len(collect.time) == min(4 * block, 101)
     assert f"stopped at t = {collect.time[-1]:.9g} s" in error.__notes__[-1]
-
-
-@pytest.mark.usefixtures("not_ended")
-@pytest.mark.parametrize("mode", ["discard", "nan"])
-def test_a_failing_fmu_keeps_its_rows_and_its_message(make_system, mode):
-    system = make_system({"mass": "ToyMass", "clock": "ToyFailing"}, []).with_parameters({"clock.mode": mode})
-    collect = Collect()
-    _, error = run(system, [Refusing(2), collect])
-    assert isinstance(error, SlaveError)
-    assert any("Refusing failed, too: no space" in note for note in error.__notes__)
-    assert len(collect.time) == 6
-
-
-def test_ctrl_c_keeps_all_complete_rows(make_system):
-    collect = Collect()
-    _, error = run(make_system({"clock": "ToyInterrupting"}, []), [collect])
-    assert isinstance(error, KeyboardInterrupt)
-    np.testing.assert_allclose(collect.time, np.arange(7) * H)
 
 
 class Storing(Collect):

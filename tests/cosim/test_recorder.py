@@ -1,4 +1,4 @@
-"""Results on disk: content and decimation."""
+"""Results on disk: content, and the filters before thinning."""
 
 import resource
 import subprocess
@@ -8,9 +8,18 @@ import netCDF4
 import numpy as np
 import pytest
 import xarray
+from scipy.signal import firwin, freqz, kaiser_beta
 
 from ps_fmu.cosim import Column, Recorder, RecorderError, UsageError
-from ps_fmu.cosim.recording.decimate import Decimator
+from ps_fmu.cosim.recording.columns_on_disk import iterate_blocks, read_chunk_rows, read_rows, write_rows
+from ps_fmu.cosim.recording.decimate import (
+    EARLY_STOP_BAND_DB,
+    HALF_LENGTH,
+    PASS_BAND,
+    STOP_BAND_DB,
+    Decimator,
+    _design_filter,
+)
 from ps_fmu.cosim.recording.recorder import TIME_UNITS
 
 COLUMNS = [
@@ -305,3 +314,85 @@ with netCDF4.Dataset(sys.argv[1]) as file:
     run = list(file.groups)[-1]
     print(run, len(file[run]["time"]))
 """
+
+
+@pytest.mark.parametrize("factor", [2, 5, 10])
+def test_the_last_stage_is_scipys_kaiser_window(factor):
+    half = HALF_LENGTH * factor
+    theirs = firwin(2 * half + 1, 0.5 * (PASS_BAND + 1.0) / factor, window=("kaiser", kaiser_beta(STOP_BAND_DB)))
+    np.testing.assert_allclose(_design_filter(factor, 1).taps, theirs, rtol=1e-9, atol=1e-15)
+
+
+@pytest.mark.parametrize(("factor", "later"), [(10, 1), (50, 2), (25, 4), (200, 5)])
+def test_a_stage_stops_what_would_be_folded_into_the_band(factor, later):
+    taps = _design_filter(factor, later).taps
+    frequency, response = freqz(taps, worN=1 << 16, fs=1.0)
+    nyquist = 0.5 / (factor * later)  # the final one
+    folded = np.abs(frequency - np.rint(frequency * factor) / factor)  # where a frequency comes out
+    stopped = (folded < nyquist) & (frequency > 0.5 / factor)
+    attenuation = EARLY_STOP_BAND_DB if later > 1 else STOP_BAND_DB
+    assert np.abs(response[stopped]).max() < 10.0 ** (-attenuation / 20.0) * 1.15
+    ripple = 3e-5 if later > 1 else 2e-4
+    assert np.abs(np.abs(response[frequency < PASS_BAND * nyquist]) - 1.0).max() < ripple
+
+
+@pytest.mark.parametrize("factor", [10, 100, 1000])
+def test_sines_pass_or_are_stopped(factor):
+    rows = np.arange(400 * factor)
+    kept, stopped = np.array([0.05, 0.2, 0.4]), np.array([0.55, 0.9, 1.3, 7.7, 12.05])  # cycles per stored row
+    sines = np.sin(2.0 * np.pi * np.outer(rows, np.concatenate([kept, stopped])) / factor + 0.3)
+    decimator = Decimator(factor, np.ones(sines.shape[1], dtype=bool))
+    found = np.concatenate([decimator.push(sines), decimator.finish()])[60:-60]
+    expected = sines[::factor][60:-60, : kept.size]
+    np.testing.assert_allclose(found[:, : kept.size], expected, rtol=0.0, atol=2e-4)
+    assert np.abs(found[:, kept.size :]).max() < 2e-4
+
+
+@pytest.mark.parametrize("fast", [True, False])
+def test_rows_on_disk_are_written_and_read_whatever_netcdf4_offers(tmp_path, fast):
+    """Without the methods that netCDF4 does not document, by the documented way."""
+
+    class Documented:
+        def __init__(self, variable):
+            self.variable, self.dtype = variable, variable.dtype
+
+        def __setitem__(self, part, values):
+            self.variable[part] = values
+
+        def __getitem__(self, part):
+            return self.variable[part]
+
+    with netCDF4.Dataset(tmp_path / "rows.nc", "w") as file:
+        file.createDimension("time", None)
+        for kind in ("f8", "i4", "i1"):
+            variable = file.createVariable(kind, kind, ("time",))
+            one = variable if fast else Documented(variable)
+            write_rows(one, 0, np.arange(3.0))
+            write_rows(one, 3, np.arange(8.0)[::2])
+            write_rows(one, 7, np.empty(0))
+            np.testing.assert_array_equal(variable[:], [0, 1, 2, 0, 2, 4, 6])
+            found = read_rows(one, 1, 5)
+            assert found.dtype == variable.dtype
+            np.testing.assert_array_equal(found, [1, 2, 0, 2])
+            assert read_rows(one, 2, 2).size == 0
+
+
+@pytest.mark.parametrize(
+    ("rows", "chunk", "size"),
+    [(0, 100, None), (25_000, 1, 10_000), (25_000, 4000, 8000), (25_000, 9500, 9500), (25_000, 14_999, 14_999),
+     (2_500_000, 10**9, 10**6)],
+)  # fmt: skip
+def test_blocks_are_whole_chunks(rows, chunk, size):
+    blocks = list(iterate_blocks(rows, chunk))
+    assert [first for first, _ in blocks] == (list(range(0, rows, size)) if rows else [])
+    assert [last for _, last in blocks] == [min(first + size, rows) for first, _ in blocks]
+
+
+def test_chunks_of_a_file_are_told(tmp_path):
+    path = tmp_path / "results.nc"
+    with netCDF4.Dataset(path, "w") as data:
+        data.createDimension("time", 5000)
+        for name, options in (("one", {"contiguous": True}), ("many", {"chunksizes": (700,)})):
+            data.createVariable(name, "f8", ("time",), **options)[:] = np.arange(5000.0)
+    with netCDF4.Dataset(path) as data:
+        assert [read_chunk_rows(data[name]) for name in ("one", "many")] == [1, 700]

@@ -13,7 +13,7 @@ from ps_fmu.cosim import Master
 from ps_fmu.cosim.compiled import CompiledLoop
 from ps_fmu.cosim.plan import Plan
 from ps_fmu.cosim.rows import Rows, make_layout
-from ps_fmu.cosim.schemes.history import Extension, Grid, InputHistory
+from ps_fmu.cosim.schemes.history import InputHistory
 from ps_fmu.cosim.schemes.scheme import Rate, Scheme
 from ps_fmu.cosim.stopwatch import Stopwatch
 
@@ -157,13 +157,13 @@ def test_the_only_step_that_an_fmu_takes_is_its_rate(masses, tmp_path):
 def make_extension(history, values, slopes=None, offset=0.0, length=1.0):
     """What puts the lines of a history into the last of some values, as a function of the time [s]."""
     places, held = np.array([len(values) - 1]), np.zeros(1, np.int64)
-    change = Extension(history, values, places, held, offset, length, slopes).make_change()
+    change = history.extend(values, places, held, offset, length, slopes)
     return partial(CompiledLoop(Plan(((change,),), 1.0), Rows(make_layout({}), 1), is_led=True).run_range, 0)
 
 
 def follow(smoothed, ahead, period, sources, first=1.0, length=1.0):
     """Where the lines of steps of 1 s begin, and their slopes."""
-    history, values = InputHistory(Grid(0.0, 1.0), length, smoothed, np.array([first]), [period], [ahead]), np.zeros(1)
+    history, values = InputHistory((0.0, 1.0, length), smoothed, np.array([first]), [period], [ahead]), np.zeros(1)
     extend = make_extension(history, values)
     found = []
     for step, source in enumerate(sources):
@@ -190,7 +190,7 @@ def test_lines_of_inputs(smoothed, ahead, period, values, expected):
 
 
 def test_asked_again_in_a_step_the_line_ends_elsewhere():
-    history, values = InputHistory(Grid(0.0, 0.5), 0.5, False, np.array([2.0]), [1], [1]), np.zeros(1)
+    history, values = InputHistory((0.0, 0.5, 0.5), False, np.array([2.0]), [1], [1]), np.zeros(1)
     extend = make_extension(history, values)
     for end, slope in ((4.0, 4.0), (3.0, 2.0)):
         values[0] = end
@@ -201,7 +201,7 @@ def test_asked_again_in_a_step_the_line_ends_elsewhere():
 def test_an_fmu_gets_the_mean_or_value_and_slope():
     for slopes in (None, np.zeros(1)):
         values = np.array([7.0, 3.0])
-        history = InputHistory(Grid(0.0, 1.0), 1.0, False, np.array([2.0]), [1], [1])
+        history = InputHistory((0.0, 1.0, 1.0), False, np.array([2.0]), [1], [1])
         for offset in (0.0, 0.25):
             make_extension(history, values, slopes, offset, 0.5)(0.0)
             assert values[0] == 7.0, "an input that is not continuous"

@@ -276,15 +276,6 @@ def test_the_description_of_this_project_can_lose_any_part(tmp_path):
     assert refused > 100
 
 
-def test_a_master_refuses_or_takes_a_system_that_lost_any_part(toys, tmp_path):
-    def use(path):
-        Master(read_system(path, toys))
-
-    accepted, refused = outcomes(mutations(ssd_text(*OSCILLATOR, after=EXPERIMENT), 1), tmp_path / "a.ssd", use)
-    assert accepted > 20
-    assert refused > 50
-
-
 @given(data=st.data())
 def test_damaged_bytes_give_an_error_of_ours_or_a_system(tmp_path_factory, data):
     folder = tmp_path_factory.mktemp("damaged")

@@ -10,7 +10,7 @@ import pytest
 from pythonfmu.builder import FmuBuilder
 
 from ps_fmu.cli import main, parser
-from ps_fmu.fmucheck import fmu_check, other_checkers
+from ps_fmu.fmucheck import fmu_check
 from ps_fmu.fmucheck.fmu_check import check_fmu
 from ps_fmu.fmucheck.verdicts import FAILED, LONGEST, NOT_RUN, OK, SHOWN, WARNING, CheckResult, write_table
 
@@ -32,7 +32,7 @@ def toys(tmp_path_factory) -> dict[str, Path]:
 @pytest.fixture
 def rows(monkeypatch):
     """``rows(path)``: the rows by check, as if fmutool, which takes a second, were not installed."""
-    monkeypatch.setattr(other_checkers, "FMUTOOL", "no_such_module")
+    monkeypatch.setattr(fmu_check, "FMUTOOL", "no_such_module")
     return lambda path: {row.check: row for row in check_fmu(path)}
 
 
@@ -92,13 +92,13 @@ def test_a_crash_ends_with_its_stage_and_signal(toys, rows):
 
 
 def test_fmutool_is_asked(toys, tmp_path):
-    assert other_checkers.run_fmutool(toys["plain"], "2.0").verdict == OK
+    assert fmu_check._run_fmutool(toys["plain"], "2.0").verdict == OK
     broken = rewritten(
         toys["plain"], tmp_path / "broken.fmu", lambda name, content: content.replace(b'causality="input"', b"")
         .replace(b'<Unknown index="2"', b'<Unknown index="1"') if name.endswith(".xml") else content
     )  # fmt: skip
-    assert other_checkers.run_fmutool(broken, "2.0").verdict == FAILED
-    assert other_checkers.run_fmutool(broken, "1.0").verdict == NOT_RUN
+    assert fmu_check._run_fmutool(broken, "2.0").verdict == FAILED
+    assert fmu_check._run_fmutool(broken, "1.0").verdict == NOT_RUN
 
 
 @pytest.mark.parametrize("module", ["fmu_manipulation_toolbox/cli/fmutool.py", "fmpy/validation.py", "pathlib.py"])
@@ -116,8 +116,8 @@ def test_modules_in_the_current_directory_are_not_run(module, toys, tmp_path, mo
 
 
 def test_a_checker_without_end_is_a_row(toys, monkeypatch):
-    monkeypatch.setattr(other_checkers, "TIME_LIMIT", 1e-3)
-    found = other_checkers.run_fmpy(toys["plain"])
+    monkeypatch.setattr(fmu_check, "TIME_LIMIT", 1e-3)
+    found = fmu_check._run_fmpy(toys["plain"])
     assert found == CheckResult("FMPy validate", FAILED, ("did not end within 0.001 s",))
 
 
@@ -135,7 +135,7 @@ LONG = {
 
 @pytest.mark.parametrize("case", LONG)
 def test_long_names_in_the_description_end_in_a_row(case, toys, tmp_path, rows, capsys, monkeypatch):
-    monkeypatch.setattr(other_checkers, "TIME_LIMIT", 3.0)  # s; FMPy takes a minute to parse such a name
+    monkeypatch.setattr(fmu_check, "TIME_LIMIT", 3.0)  # s; FMPy takes a minute to parse such a name
     change = LONG[case]
     path = rewritten(toys["plain"], tmp_path / "A.fmu", lambda n, c: c.replace(*change) if n.endswith(".xml") else c)
     assert main(["check", str(path)]) == 1

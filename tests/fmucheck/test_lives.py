@@ -12,7 +12,7 @@ from time import monotonic
 import pytest
 
 from ps_fmu.cli import main
-from ps_fmu.fmucheck import lives, other_checkers
+from ps_fmu.fmucheck import fmu_check, lives
 from ps_fmu.fmucheck.fmu_check import check_fmu
 from ps_fmu.fmucheck.reading import read_description
 from ps_fmu.fmucheck.verdicts import NOT_RUN, OK
@@ -45,7 +45,7 @@ def library(tmp_path_factory):
 @pytest.fixture(autouse=True)
 def without_fmutool(monkeypatch):
     """It takes a second."""
-    monkeypatch.setattr(other_checkers, "FMUTOOL", "no_such_module")
+    monkeypatch.setattr(fmu_check, "FMUTOOL", "no_such_module")
 
 
 @pytest.fixture

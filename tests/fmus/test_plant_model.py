@@ -4,11 +4,10 @@ import re
 
 import numpy as np
 import pytest
-from support.mechanics import PAPER
+from support.mechanics import PAPER, to_rotation_matrix
 from support.models import MODELS, ROOT, Host, slave_class
 
 from ps_fmu.mechanism.linear_model import momentum
-from ps_fmu.mechanism.quaternions import to_rotation_matrix
 from ps_fmu.mechanism.signals import output_slices, servo_slices
 from ps_fmu.slavekit.author.blocks import store_by_columns
 from ps_fmu.slavekit.author.slave import ModelError, Refused

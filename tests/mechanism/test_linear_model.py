@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.signal
 from scipy.linalg import expm
-from support.mechanics import PAPER, relative_error
+from support.mechanics import PAPER, relative_error, to_rotation_matrix
 
 from ps_fmu.mechanism.centre import Centre
 from ps_fmu.mechanism.discretisation import zero_order_hold
@@ -16,8 +16,12 @@ from ps_fmu.mechanism.kinematics import jacobians
 from ps_fmu.mechanism.linear_model import Plant, momentum
 from ps_fmu.mechanism.parameters import Optics
 from ps_fmu.mechanism.quantities import ParameterError
-from ps_fmu.mechanism.quaternions import from_rotation_matrix, from_rotation_vector, to_rotation_matrix
-from ps_fmu.mechanism.rotations import GimbalLockError, rotation_from_vector
+from ps_fmu.mechanism.rotations import (
+    GimbalLockError,
+    from_rotation_matrix,
+    from_rotation_vector,
+    rotation_from_vector,
+)
 from ps_fmu.mechanism.signals import N_EXTERNAL, N_INPUTS, N_OUTPUTS, OUTPUTS, output_slices, servo_slices
 from ps_fmu.theory.transfer_matrices import Practical
 

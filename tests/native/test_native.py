@@ -131,18 +131,18 @@ def test_a_damaged_library_is_refused_with_the_command_that_makes_it(tmp_path, c
     script = (
         f"import sys; sys.path.insert(0, {str(package.parent)!r})\n"
         "from ps_fmu.native import NotCompiledError\n"
-        "from ps_fmu.cosim.guard import find_library as find_loop\n"
+        "from ps_fmu.cosim.guard import load_library as find_loop\n"
+        "from ps_fmu.cosim import CosimError\n"
         "from ps_fmu.numerics import library\n"
-        "from ps_fmu.reduction.library import find_library\n"
-        "print(find_loop())\n"
+        "from ps_fmu.reduction.columns import find_library\n"
+        "try: find_loop()\n"
+        "except CosimError as error: print(str(error).splitlines()[0])\n"
         "for find in (library.find_arithmetic, find_library):\n"
         "    try: find()\n"
         "    except NotCompiledError as error: print(error)\n"
     )
     found = subprocess.run([sys.executable, "-I", "-c", script], capture_output=True, text=True, check=False)
     assert found.returncode == 0, found.stderr
-    loop, *refused = found.stdout.splitlines()
-    assert loop == "None"
-    for line, name in zip(refused, ("numerics", "reduction"), strict=True):
+    for line, name in zip(found.stdout.splitlines(), ("loop", "numerics", "reduction"), strict=True):
         assert line.startswith(f"{package}/native/linux64/{name}.so: is damaged")
         assert line.endswith("run 'make launcher'")

@@ -11,7 +11,7 @@ import pytest
 from support.published import jitter_run
 
 from ps_fmu.analyses.finding import Finding
-from ps_fmu.analyses.options import AnalysisOptions
+from ps_fmu.analyses.table import AnalysisOptions
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.paper import overview
 from ps_fmu.paper.bus_cases import CASES, load_case

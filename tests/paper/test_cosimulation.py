@@ -6,8 +6,7 @@ from types import SimpleNamespace
 import pytest
 
 from ps_fmu.analyses import system
-from ps_fmu.analyses.options import AnalysisOptions
-from ps_fmu.analyses.table import ANALYSES, Analysis
+from ps_fmu.analyses.table import ANALYSES, Analysis, AnalysisOptions
 from ps_fmu.cli import main
 from ps_fmu.paper import cosimulation
 from ps_fmu.product import files

@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import pytest
 from support.browser import INSTALL, Browser, find_browser
-from support.kept import KEPT, PARTS, read_result
+from support.published import PARTS, read_result
 
 if find_browser() is None:
     pytest.skip(f"Chromium is not installed: {INSTALL}", allow_module_level=True)
@@ -38,10 +38,6 @@ def page(browser, pages, request):
     browser.open(pages / "paper.html")
     yield browser
     assert browser.errors == browser.requests == []
-
-
-def test_the_kept_result_is_read_as_it_was_written(pages):
-    assert (pages / "paper.md").read_text() == (KEPT / "paper.md").read_text()
 
 
 @WIDTHS

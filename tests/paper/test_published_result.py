@@ -7,15 +7,12 @@ data in the JSON files.  Not compared: captions of figures, and columns whose nu
 
 import json
 import re
-from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from support import published as stored_runs
-from support.published import FOLDER, ROOT, alike, content_of, finding_of
+from support.published import FOLDER, PARTS, ROOT, alike, content_of, finding_of, read_result
 
-from ps_fmu.analyses.result import AnalysisResult
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.paper import overview
 from ps_fmu.paper.bus_cases import CASES
@@ -32,13 +29,10 @@ from ps_fmu.paper.figures.table2 import report as jitter
 from ps_fmu.paper.figures.table2.closed_form import ORIENTATIONS, knowledge_text
 from ps_fmu.paper.figures.table2.runs import nominal_densities
 from ps_fmu.paper.published import published_numbers
-from ps_fmu.results.report import Picture
-from ps_fmu.results.tables import Table
 from ps_fmu.runs.scenario import SCENARIOS
 from ps_fmu.scenarios.shaking import Shaking
 from ps_fmu.theory.transmissibility import singular_values_db
 
-PARTS = tuple(overview.FIGURES)
 NAMES = (*PARTS, "paper")
 #: Closed form today against closed form then: what other versions of the libraries may change.
 RELATIVE = 1e-3
@@ -47,19 +41,6 @@ NOISE = {"fig11.similar": 1e-9, "fig11.similar_damped": 1e-9}  # dB: differences
 ROUNDING = 1e-12  # relative, in the evidence of errata; deg, errors of exact inverse kinematics
 #: Errors of the right forms are rounding, or of a search: (41), (42).
 RIGHT = 1e-6
-
-
-def rebuilt(content):
-    """The analysis that was written, from its JSON file."""
-    return AnalysisResult(
-        name=content["analysis"],
-        title=content["title"],
-        text=content["text"],
-        findings=[finding_of(entry) for entry in content["findings"]],
-        tables=[Table(**table) for table in content["tables"]],
-        pictures=[Picture(Path(picture["file"]), picture["caption"]) for picture in content["pictures"]],
-        parts=[rebuilt(content_of(name)) for name in PARTS] if content["analysis"] == "paper" else (),
-    )
 
 
 def wrong(stored, today):
@@ -83,7 +64,7 @@ def stored():
 @pytest.mark.parametrize("name", NAMES)
 def test_the_markdown_is_what_the_json_says(name):
     content = content_of(name)
-    assert rebuilt(content).to_markdown() == (FOLDER / f"{name}.md").read_text()
+    assert read_result(name, PARTS if name == "paper" else ()).to_markdown() == (FOLDER / f"{name}.md").read_text()
     for entry in content["findings"]:
         finding = finding_of(entry)
         said = finding.published
@@ -107,15 +88,6 @@ def test_what_is_computed_is_computed_today(stored, closed_form):
     for key, finding in closed_form.items():
         assert alike(finding.remark, stored[key].remark) or finding.remark == "", key
         assert finding.setting == stored[key].setting
-
-
-def test_any_other_number_would_be_noticed(stored, closed_form):
-    """One per cent off, or not there, each number in turn."""
-    for key, finding in closed_form.items():
-        if key in NOISE or finding.computed is None:
-            continue
-        for other in (1.01 * finding.computed or 1.0, None):
-            assert wrong({**stored, key: replace(stored[key], computed=other)}, closed_form) == [key]
 
 
 def test_the_counts_of_the_first_paragraph(stored):
@@ -231,26 +203,6 @@ def differences(content, today):
 @pytest.mark.parametrize("name", PARTS)
 def test_text_and_tables_are_those_of_today(today, name):
     assert differences(content_of(name), today[name]) == []
-
-
-@pytest.mark.parametrize("name", PARTS)
-def test_any_other_text_would_be_noticed(today, name):
-    """A number five per cent off, in each paragraph and in each row of a table that has one; and other words."""
-    content = content_of(name)
-    changed = [(content["text"], k) for k in range(len(content["text"]))]
-    for table, now in zip(content["tables"], today[name][1], strict=True):
-        if now is not None:
-            changed += [(row, k) for row in table["rows"] for k in range(len(row))]
-    for place, k in changed:
-        before = place[k]
-        others = [before + " not"]
-        if (number := re.search(r"(?<![\d.])[1-9]\d*\.\d{2,}(?!e)", before)) is not None:
-            more = f"{1.05 * float(number[0]) + 0.1:.{len(number[0].partition('.')[2])}f}"
-            others.append(before[: number.start()] + more + before[number.end() :])
-        for other in others:
-            place[k] = other
-            assert len(differences(content, today[name])) == 1, other
-        place[k] = before
 
 
 def test_the_error_table_of_the_trajectories():

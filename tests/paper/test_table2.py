@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ps_fmu.analyses.options import AnalysisOptions
+from ps_fmu.analyses.table import AnalysisOptions
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.paper.figures.table2 import report as jitter
 from ps_fmu.paper.figures.table2.closed_form import LOOP_DELAY, ORIENTATIONS

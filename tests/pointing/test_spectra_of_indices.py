@@ -110,19 +110,6 @@ def test_noise_through_a_resonance():
         assert index.variance_of_function(oscillator, band, points=[0.7]) == pytest.approx(expected, rel=EXACT)
 
 
-def test_drift_of_noise_through_a_resonance():
-    """Twice the variance of a mean, less twice their covariance; a mean over D is the sum of those over T in it."""
-    T, band = WINDOW, (0.0, 300.0)
-
-    def mean(window):
-        m0, m1, *_ = oscillator_moment(window)
-        return 2.0 / window**2 * (window * m0 - m1)
-
-    # Windows that touch: mean over 2 T is their average, so that cov = 2 var(2 T) - var(T).
-    expected = 2.0 * mean(T) - 2.0 * (2.0 * mean(2.0 * T) - mean(T))
-    assert DriftError(T, T).variance_of_function(oscillator, band, points=[0.7]) == pytest.approx(expected, rel=EXACT)
-
-
 def test_lines_add_up():
     frequency, amplitude = np.array([0.1, 0.25, 7.0]), np.array([[1.0, 2.0], [3.0j, 0.0], [0.5, 1.0]])
     found = MeanError(WINDOW).variance_of_lines(frequency, amplitude)

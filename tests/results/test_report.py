@@ -55,20 +55,10 @@ def test_everything_is_shown(tmp_path):
             warnings=["commander.target.roll is not connected"],
         )
     )
-    for text in (
-        "Isolation",
-        "What was run.",
-        "Result",
-        "1.65e-05",
-        "Jitter of the payload",
-        "plant.payload.mass",
-        "61.4",
-        "ManipulatorPlant",
-        "ab" * 32,
-        "2.4.6",
-        "commander.target.roll is not connected",
-    ):
-        assert text in reader.texts
+    assert set(reader.texts) >= {
+        "Isolation", "What was run.", "Result", "1.65e-05", "Jitter of the payload", "plant.payload.mass", "61.4",
+        "ManipulatorPlant", "ab" * 32, "2.4.6", "commander.target.roll is not connected",
+    }  # fmt: skip
     embedded = dict(reader.attributes)["src"]
     assert base64.b64decode(embedded.removeprefix("data:image/png;base64,")) == b"\x89PNG picture"
     assert reader.tags.count("table") == 4
@@ -94,15 +84,10 @@ def test_hostile_texts_stay_texts(tmp_path):
     assert ("alt", HOSTILE) in reader.attributes
 
 
-def test_nothing_is_fetched_from_elsewhere():
-    page = Report(title="Empty").html()
-    assert "http://" not in page
-    assert "https://" not in page
-
-
-def test_the_file_is_utf8(tmp_path):
+def test_the_file_is_utf8_and_fetches_nothing(tmp_path):
     Report(title="\N{MICRO SIGN}rad").write(tmp_path / "report.html")
-    assert "\N{MICRO SIGN}rad" in (tmp_path / "report.html").read_text(encoding="utf-8")
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "\N{MICRO SIGN}rad" in page and "http://" not in page and "https://" not in page
 
 
 def test_a_missing_picture_leaves_no_report(tmp_path):

@@ -100,7 +100,7 @@ def test_what_is_meant_is_said_in_the_file(warnings_of, tmp_path):
     noted = Parameter(14.0, "kg", "", frozenset({APART}))
     values = {"isolator.payload.mass": noted, "isolator.delay": Parameter(0.0, "s", "")}
     path.write_bytes(start_values_xml(values, "a--b"))
-    assert read_parameters(path).notes == {"isolator.payload.mass": frozenset({APART})}
+    assert read_parameters(path).entries()["isolator.payload.mass"].notes == {APART}
     assert warnings_of(path) == []
     # What a case sets in place of it is not what the file says.
     assert len(warnings_of(path, {"isolator.payload.mass": 13.0})) == 1

@@ -1,13 +1,21 @@
-"""The page made from a README and a model description: structure, equations, variables, terminals."""
+"""The page made from a README and a model description; terminals; the example of docs/slavekit.md."""
 
+import importlib.util
 import re
+from pathlib import Path
 from xml.etree.ElementTree import fromstring, tostring
 
+import fmpy
 import pytest
+from lxml import etree
+from support.page import PAGE
 
+from ps_fmu.slavekit.author.slave import Slave, vector
 from ps_fmu.slavekit.author.terminals import Terminal, write_terminals
 from ps_fmu.slavekit.pack.launch import write_external_dependencies
 from ps_fmu.slavekit.pack.page import write_page
+
+# --- The page made from a README and a model description: structure, equations, variables, terminals --------------
 
 README = r"""# Title & more
 
@@ -115,3 +123,76 @@ def test_what_an_fmu_needs_of_the_machine(bundled, words):
     assert text.startswith("What Oscillator.fmu needs of the machine\n")
     for word in words:
         assert word in text
+
+
+# --- terminalsAndIcons.xml: valid by the schema of FMI 3.0, which FMI 2.0.4 refers to; only variables that exist --
+
+SCHEMA = Path(fmpy.__file__).parent / "schema" / "fmi3" / "fmi3TerminalsAndIcons.xsd"
+
+
+class Gripper(Slave):
+    """A slave with vectors."""
+
+    ports = (
+        *vector("force", "xyz", "N", "Force", causality="input"),
+        *vector("force_limit", "xyz", "N", "Limit", causality="parameter"),
+        *vector("position", "xy", "m", "Position", causality="output"),
+    )
+
+
+def test_members_are_the_components_in_their_order():
+    terminals = [Terminal("grip", ("force",), "Force"), Terminal("motion", ("position", "force.z"), "Motion & more")]
+    data = write_terminals(terminals, Gripper.layout)
+    etree.XMLSchema(etree.parse(str(SCHEMA))).assertValid(etree.fromstring(data))
+    root = fromstring(data)
+    assert root.get("fmiVersion") == "3.0"
+    found = {
+        terminal.get("name"): [member.attrib for member in terminal] for terminal in root.iterfind("Terminals/Terminal")
+    }
+    assert [member["variableName"] for member in found["grip"]] == ["force.x", "force.y", "force.z"]
+    assert [member["memberName"] for member in found["motion"]] == ["position.x", "position.y", "force.z"]
+    assert {member["variableKind"] for members in found.values() for member in members} == {"signal"}
+    assert {terminal.get("matchingRule") for terminal in root.iter("Terminal")} == {"plug"}
+
+
+def test_a_member_that_does_not_exist_is_named():
+    with pytest.raises(KeyError, match=r"Gripper has no variable 'torque'"):
+        write_terminals([Terminal("grip", ("torque",), "")], Gripper.layout)
+
+
+# --- The example of elements in docs/slavekit.md runs, and does what its sentence says ----------------------------
+
+H = 0.02  # s
+
+
+@pytest.fixture
+def sensor(tmp_path):
+    script = tmp_path / "level_sensor.py"
+    script.write_text(re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.DOTALL)[2])
+    spec = importlib.util.spec_from_file_location("level_sensor", script)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    slave = module.LevelSensor(instance_name="sensor")
+    slave.setup_experiment(0.0)
+    slave.enter_initialization_mode()
+    slave.exit_initialization_mode()
+    return slave
+
+
+def test_the_sensor_is_sampled_rounded_and_late(sensor):
+    found = []
+    for k in range(40):
+        sensor.set_real([sensor.layout.find("level")], [0.0123 * k])
+        sensor.do_step(k * H, H)
+        found.append(sensor.y[0])
+    sampled = [round(0.0123 * (k - (k + 1) % 5) / 0.01) * 0.01 if k >= 4 else 0.0 for k in range(40)]
+    assert found == pytest.approx([0.0] * 10 + sampled[:-10], abs=1e-15)
+
+
+def test_all_elements_are_in_the_table():
+    from ps_fmu.slavekit.author import elements
+
+    names = {name for name, value in vars(elements).items() if isinstance(value, type)}
+    names = {name for name in names if issubclass(getattr(elements, name), elements.Element)} - {"Element"}
+    table = PAGE.read_text().split("| element | does |")[1].split("\n\n")[0]
+    assert set(re.findall(r"`(\w+)`", table)) == names

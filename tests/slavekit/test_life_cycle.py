@@ -1,12 +1,16 @@
-"""Phases, initialisation, messages."""
+"""Phases, initialisation, messages, mistakes of a host."""
 
 import math
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 
 from ps_fmu.slavekit.author.guard import FmuError
 from ps_fmu.slavekit.author.slave import ModelError, Refused, Slave
 
+# --- Phases, initialisation, messages -----------------------------------------------------------------------------
 
 def test_a_whole_life(toys):
     slave = toys["oscillator"](instance_name="o")
@@ -193,3 +197,53 @@ def test_contradictions_between_ports_are_told_at_the_definition():
 
         class Unknown(Slave):
             ports = (Port("u", "input"), Port("y", "output", depends_on=("u", "v")))
+
+
+# --- Ends of Python hosts that instantiate FMUs in threads of their own -------------------------------------------
+
+HOST = """
+import _thread, sys
+
+sys.modules.pop("threading", None)
+done, never = _thread.allocate_lock(), _thread.allocate_lock()
+done.acquire(), never.acquire()
+
+def worker():
+    from ps_fmu.slavekit.author.slave import _forget_host_thread as forget_host_thread
+    forget_host_thread()
+    done.release()
+    never.acquire()
+
+_thread.start_new_thread(worker, ())
+done.acquire()
+import threading
+print(threading.main_thread().ident == _thread.get_ident())
+"""
+
+
+def test_python_ends_though_a_worker_imported_threading_first():
+    """The worker waits for ever, as those of thread pools do until the host has freed them."""
+    run = subprocess.run([sys.executable, "-c", HOST], capture_output=True, text=True, timeout=300)
+    assert (run.returncode, run.stderr) == (0, "")
+    assert run.stdout == ("True\n" if sys.version_info >= (3, 13) else "False\n")
+
+
+# --- Mistakes of a host neither crash the process nor use up its memory -------------------------------------------
+
+FAULTS = Path(__file__).parent / "hosts" / "faults.py"
+
+
+def test_hundreds_of_faults_at_every_entry_point(built, make):
+    run = subprocess.run(
+        [sys.executable, str(FAULTS), str(built["oscillator"]), "300"], capture_output=True, text=True, timeout=120
+    )
+    assert run.returncode == 0, run.stderr[-3000:]
+    growth, position = run.stdout.split()[-2:]
+    assert int(growth) < 1000  # kB, over 2500 faults
+    slave = make("oscillator", reference=0.0)
+    slave.set_real([slave.layout.find("reference")], [0.5])
+    for i in range(10):
+        assert slave.do_step(i * 0.1, 0.1)
+    assert float(position) == slave.value("position")
+    assert "input force = nan: expected a finite number N" in run.stderr
+    assert "reference = 2.0 m: expected at most 1 m" in run.stderr

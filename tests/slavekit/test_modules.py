@@ -1,4 +1,4 @@
-"""The modules inside FMUs: an archive with byte code, the same in any process, used only where it fits."""
+"""The modules of an FMU in an archive, and the script that the native library starts."""
 
 import hashlib
 import importlib
@@ -15,6 +15,8 @@ import pytest
 
 from ps_fmu.slavekit.author import guard
 from ps_fmu.slavekit.pack.modules import compile_module, pack_modules, write_entry
+
+# --- The modules inside FMUs: an archive with byte code, the same in any process, used only where it fits ---------
 
 SOURCE = b'''"""A module."""
 KNOWN = {"b", "a", "c", "?"}
@@ -178,3 +180,43 @@ def test_another_fmu_in_a_folder_of_the_same_name(tmp_path):
         importlib.invalidate_caches()
         assert importlib.import_module(entry).Toy.name == own
         shutil.rmtree(folder)
+
+
+# --- The script that the native library starts, without the library -----------------------------------------------
+
+def test_the_library_is_shown_a_class_with_one_base(tmp_path, monkeypatch):
+    """It executes the script with locals of their own, takes the name of a class from there and the class from the
+    module."""
+    package = tmp_path / "toy_of_the_search"
+    package.mkdir()
+    (package / "toy.py").write_text("class Toy: pass\n")
+    (package / "slavekit" / "author").mkdir(parents=True)
+    shutil.copy(guard.__file__, package / "slavekit" / "author" / "guard.py")
+    script = tmp_path / "entry_of_the_search.py"
+    script.write_bytes(write_entry("toy_of_the_search", "modules.zip", "toy", "Toy"))
+    monkeypatch.syspath_prepend(str(tmp_path))
+    module = importlib.import_module("entry_of_the_search")
+    found = {}
+    exec(compile(script.read_text(), script, "exec"), vars(module), found)
+    (shown,) = (name for name, value in found.items() if isinstance(value, type))
+    assert [repr(base) for base in found[shown].__mro__] == ["", "<class 'a.Fmi2Slave'>"]
+    assert getattr(module, shown).__module__ == "toy_of_the_search.toy"
+
+
+def test_an_import_in_another_thread_misses_no_entry(tmp_path, monkeypatch):
+    package = tmp_path / "toy_of_the_entry"
+    (package / "slavekit" / "author").mkdir(parents=True)
+    (package / "slavekit" / "author" / "guard.py").write_text("def keep_alive(*objects): pass\n")
+    (package / "toy.py").write_text("class Toy: pass\n")
+    (tmp_path / "entry_of_the_toy.py").write_bytes(write_entry("toy_of_the_entry", "modules.zip", "toy", "Toy"))
+    before = list(sys.path)
+    monkeypatch.setattr(sys, "path", list(before))
+
+    other = iter(sys.path)  # as the import system does for each module
+    seen = [next(other)]
+    sys.path.insert(0, str(tmp_path))  # as the library does
+    seen.append(next(other))
+    assert importlib.import_module("entry_of_the_toy").Toy.__module__ == "toy_of_the_entry.toy"
+    seen.extend(other)
+    assert sys.path == before  # the library's entry is gone
+    assert set(seen) == set(before)

@@ -50,6 +50,12 @@ high = "2"
 """
 
 
+def list_missing(store, cases):
+    """Those of the cases from 0 on that have no row, in order."""
+    done = store.read_statuses()
+    return [case for case in range(cases) if case not in done]
+
+
 @pytest.fixture(scope="session")
 def toy_fmus(tmp_path_factory) -> Path:
     """Folder with ToyStudy.fmu."""

@@ -1,6 +1,10 @@
-"""Rows of cases: the numbers are those of the signals, and whatever a case does, its neighbours are computed."""
+"""Rows of cases: the numbers are those of the signals, and whatever a case does, its neighbours are computed.
+
+FMUs may have processes of their own: the rows are the same, and a case that breaks its FMU costs nothing more.
+"""
 
 import json
+import re
 import signal
 import subprocess
 import sys
@@ -222,3 +226,61 @@ def test_damaged_files_are_refused(make_prepared, tmp_path):
     bundle = make_prepared().bundle
     with pytest.raises(ValueError, match="damaged"):
         replace(bundle, files={**bundle.files, "task.json": b"{}"}).unpack(tmp_path)
+
+
+@pytest.fixture
+def unpack(make_prepared, tmp_path):
+    """Makes the unpacked files of a study of the toy, with these lines more in [study]."""
+    return lambda *more: make_prepared(changes={"seed = 7": "\n".join(["seed = 7", *more])}).bundle.unpack(tmp_path)
+
+
+@pytest.fixture
+def isolate(unpack):
+    """Makes a process for the cases of a study with isolated FMUs; with these lines more in [study]."""
+    made = []
+
+    def make(*more):
+        made.append(CaseProcess(unpack("isolate = true", *more), memory_bytes=1_000_000_000, isolates=True))
+        return made[-1]
+
+    yield make
+    for process in made:
+        process.close()
+
+
+def test_rows_are_those_of_the_same_process(unpack, isolate):
+    cases = [{**GAIN, "toy.seed": seed} for seed in (1, 2)]
+    plain = CaseRunner(unpack())
+    expected = [plain.run(place, own) for place, own in enumerate(cases)]
+    assert without_time(isolate().run(enumerate(cases))) == without_time(expected)
+
+
+@pytest.mark.parametrize(
+    ("mode", "more", "error"),
+    [
+        ("exit", (), r"toy: fmi2DoStep at t = 0.051 s .*exit code 3"),
+        ("crash", (), r"toy: fmi2DoStep at t = 0.051 s .*SIGSEGV"),
+        ("hang", ['step_timeout = "2 s"'], r"toy: fmi2DoStep at t = 0.051 s .*within 2 s"),
+    ],
+)
+def test_a_case_says_when_its_fmu_ended_and_the_process_of_the_cases_stays(isolate, mode, more, error):
+    isolated, pids, rows = isolate(*more), [], []
+    for row in isolated.run(enumerate([GAIN, {**GAIN, "toy.mode": mode}, GAIN])):
+        rows.append(row)
+        pids.append(isolated.pid)
+    assert [row["status"] for row in rows] == [DONE, FAILED, DONE]
+    assert pids == pids[:1] * 3
+    assert re.search(error, rows[1]["error"])
+
+
+def test_the_memory_of_the_fmus_counts(isolate):
+    # The time-out cannot come first: on a busy machine an FMU takes seconds to fill 1 GB.
+    rows = list(isolate('step_timeout = "1000 s"').run(enumerate([GAIN, {**GAIN, "toy.mode": "eat"}, GAIN])))
+    assert [row["status"] for row in rows] == [DONE, KILLED, DONE]
+    assert "1000000000 bytes of memory" in rows[1]["error"]
+
+
+def test_the_choice_travels_with_the_study(unpack):
+    isolation = CaseRunner(unpack('isolate = ["toy"]', 'step_timeout = "5 s"')).task.isolation
+    assert (isolation.names, isolation.step_timeout_s) == ({"toy"}, 5.0)
+    assert CaseRunner(unpack()).task.isolation is None

@@ -143,22 +143,20 @@ def test_what_is_no_scheduler_is_said():
             pass
 
 
-def test_rows_that_are_lost_with_their_worker_are_computed_again(opened, hand_started, monkeypatch):
+def test_rows_that_are_lost_with_their_worker_are_computed_again(opened, monkeypatch):
     """The worker ends when its batch is done and has not been fetched; its nanny starts another one."""
-    (_, address, *_), (_, *nannies) = hand_started
     fetch, lost = cluster.Dispatcher._fetch, []
 
     def lose(dispatcher, future):
         if not lost:
             lost.append(future.status)
-            for nanny in nannies:
-                for worker in psutil.Process(nanny.pid).children():
-                    worker.kill()
+            for pid in client.run(os.getpid).values():
+                psutil.Process(pid).kill()
             wait_until(lambda: future.status != "finished")
         return fetch(dispatcher, future)
 
     monkeypatch.setattr(cluster.Dispatcher, "_fetch", lose)
-    with cluster.connect(address, None, PATIENCE_S) as client:
+    with cluster.connect(None, 1) as client:
         dispatch(client, opened)
     assert lost == ["finished"]
     assert list_cases(opened) == list(range(6))

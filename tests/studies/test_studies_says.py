@@ -54,7 +54,7 @@ def test_sobol_indices_of_ishigamis_function_are_the_known_ones(make_outcome):
         assert found.measures[name] == pytest.approx(known, abs=0.02)
         assert (found.measures[f"{name}_low"] < found.measures[name]).all()
         assert (found.measures[f"{name}_high"] > found.measures[name]).all()
-    assert np.argsort(found.strength).tolist() == [2, 1, 0]
+    assert found.order == [0, 1, 2]
 
 
 def test_morris_effects_of_a_linear_function_are_its_slopes(make_outcome):

@@ -15,8 +15,10 @@ from ps_fmu.studies.case_runner import CaseRunner
 from ps_fmu.studies.conclusion import describe_signals
 from ps_fmu.studies.rows import DONE, SIGNALS, RowStore, name_file, write_durably
 from ps_fmu.studies.study import StudyError
-from ps_fmu.studies.sweep import SweepOptions, compute, hold
+from ps_fmu.studies.sweep import SweepOptions, compute, hold, prepare
 from ps_fmu.studies.worker import run_batch
+
+from .conftest import list_missing
 
 OBSERVE_TABLE = "[[observe]]"
 
@@ -102,7 +104,7 @@ def test_resuming_computes_the_signals_that_are_missing(opened):
     prepared, folder = opened(signals('variables = ["toy.error"]\nevery = 2\ncases = [5]'))
     name = prepared.identity.plan_sha256
     run_here(prepared, folder, range(6), [])  # the rows without signals
-    assert RowStore(folder, name).list_missing(6) == []
+    assert list_missing(RowStore(folder, name), 6) == []
     assert sweep.list_work(folder, prepared.plan, name) == ([0, 2, 4, 5], {0, 2, 4, 5})
     run_here(prepared, folder, [0], [0])
     assert sweep.list_work(folder, prepared.plan, name) == ([2, 4, 5], {2, 4, 5})
@@ -129,7 +131,6 @@ def test_a_case_that_has_no_signals_does_not_run_for_ever(opened):
 
 
 def test_worst_cases_run_again_with_their_signals(write_study, toy_fmus, address, tmp_path):
-    from ps_fmu.studies.sweep import prepare
 
     study = write_study(changes=signals('variables = ["toy.*"]\nworst = 2\ncases = [1]'))
     options = SweepOptions(study, tmp_path / "out", scheduler=address, fmus=toy_fmus, progress=False)
@@ -197,7 +198,7 @@ def test_a_full_disk_stops_the_study(opened):
     resource.prlimit(worker._OWN.process.pid, resource.RLIMIT_FSIZE, (70_000, resource.RLIM_INFINITY))
     with pytest.raises(OSError, match=r"the file size limit of this process is reached: .* MB needed"):
         run_batch(prepared.bundle, jobs, None, [2])
-    assert RowStore(folder, prepared.identity.plan_sha256).list_missing(6) == [0, 1, 2, 3, 4]
+    assert list_missing(RowStore(folder, prepared.identity.plan_sha256), 6) == [0, 1, 2, 3, 4]
     assert list((folder / SIGNALS).iterdir()) == []
     run_here(prepared, folder, range(5), [2])
     assert json.loads((folder / "manifest.json").read_text())["cases"] == 6

@@ -22,7 +22,7 @@ from ps_fmu.cli import main
 from ps_fmu.studies.case_runner import CaseRunner
 from ps_fmu.studies.rows import DONE, FILE, KILLED, MEASURED, RowStore
 
-from .conftest import OBSERVE, STUDY
+from .conftest import OBSERVE, STUDY, list_missing
 
 KILLS = 10 if os.environ.get("PS_FMU_SOAK") else 1
 SLOW = '[[vary]]\nparameter = "slowness"\ndistribution = "uniform"\nlow = "1e-3"\nhigh = "2e-3"\n'
@@ -107,7 +107,7 @@ def count_stored(folder):
     """Cases that have rows so far."""
     if not (folder / "manifest.json").is_file():
         return 0
-    return HELD - len(open_store(folder).list_missing(HELD))
+    return HELD - len(list_missing(open_store(folder), HELD))
 
 
 def test_workers_import_nothing_of_the_current_directory(write_study, toy_fmus, tmp_path, monkeypatch):
@@ -219,7 +219,7 @@ def test_a_disturbed_study_ends_with_the_rows_of_an_undisturbed_one(
             os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to the workers, too
         process.wait(timeout=PATIENCE_S)
         wait_until(lambda: not any(read_command(one) for one in cases))
-        assert HELD - 1 in open_store(folder).list_missing(HELD)  # it was in the middle
+        assert HELD - 1 in list_missing(open_store(folder), HELD)  # it was in the middle
     gate.unlink()
     _, errors = process.communicate(timeout=PATIENCE_S)
     if victim == "interrupt":

@@ -8,12 +8,16 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from ps_fmu.analyses.result import AnalysisResult
 from ps_fmu.paper.figures.fig07.runs import FINE
 from ps_fmu.paper.figures.fig08_11.measured import SETUPS
 from ps_fmu.paper.published import make_finding
+from ps_fmu.results.report import Picture
+from ps_fmu.results.tables import Table
 
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "docs" / "paper"
+PARTS = ("workspace", "trajectories", "transmissibility", "stability", "jitter")
 NUMBER = re.compile(r"[-+]?\d+\.?\d*(?:e[-+]?\d+)?")
 
 
@@ -25,6 +29,20 @@ def content_of(name):
 def finding_of(entry):
     """A finding of a JSON file."""
     return make_finding(entry["key"], entry["computed"], entry["cosimulated"], entry["remark"], entry["setting"])
+
+
+def read_result(name, parts=()):
+    """The result of an analysis, and of those that it puts together, as when it was written."""
+    content = content_of(name)
+    return AnalysisResult(
+        name=name,
+        title=content["title"],
+        text=content["text"],
+        findings=list(map(finding_of, content["findings"])),
+        tables=[Table(**table) for table in content["tables"]],
+        pictures=[Picture(FOLDER / picture["file"], picture["caption"]) for picture in content["pictures"]],
+        parts=list(map(read_result, parts)),
+    )
 
 
 def alike(one, other, rounding=0.0):

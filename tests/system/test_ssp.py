@@ -18,7 +18,7 @@ from support.importers import interpreter_with
 from ps_fmu.cli import main
 from ps_fmu.cosim import Master, System, read_system, write_ssp
 from ps_fmu.cosim.description import index_variables, read_description
-from ps_fmu.cosim.structure import ParameterSet
+from ps_fmu.cosim.structure import Parameter
 
 ROOT = Path(__file__).parents[2]
 SSD = ROOT / "system" / "SystemStructure.ssd"
@@ -37,7 +37,7 @@ NOTES = {"plant.payload.mass": frozenset({"org.example.note"})}
 @pytest.fixture(scope="module")
 def system(built_fmus: Path) -> System:
     """The system of this project, with values that are not those of the FMUs, and a note at one."""
-    values = ParameterSet(CHOSEN, {}, dict.fromkeys(CHOSEN, "chosen"), NOTES)
+    values = {name: Parameter(value, None, "chosen", NOTES.get(name, frozenset())) for name, value in CHOSEN.items()}
     return read_system(SSD, built_fmus).with_parameters(values)
 
 

@@ -1,5 +1,6 @@
-"""ps-fmu analyse budget: numbers that add up, the answers, the files, and what it refuses."""
+"""ps-fmu analyse budget: numbers that add up, the answers, the files, what it refuses; its document."""
 
+import doctest
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -7,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ps_fmu.analyses.options import AnalysisOptions
+from ps_fmu.analyses.table import AnalysisOptions
 from ps_fmu.cli import main
 from ps_fmu.cosim import read_system
 from ps_fmu.pointing import RelativeError
@@ -227,3 +228,12 @@ def test_start_values_of_what_is_not_there_are_refused(built_fmus, ssv, tmp_path
         arguments = ["--output", str(tmp_path / "out"), "--fmus", str(built_fmus), "--parameters", str(ssv(values))]
         assert main(["analyse", "budget", *arguments]) == 1
         assert message in capsys.readouterr().err
+
+
+DOCUMENT = Path(__file__).parents[2] / "docs" / "budget.md"
+
+
+def test_the_example_prints_what_it_says():
+    found = doctest.testfile(str(DOCUMENT), module_relative=False)
+    assert found.failed == 0
+    assert found.attempted >= 12

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ps_fmu.analyses.options import AnalysisOptions
+from ps_fmu.analyses.table import AnalysisOptions
 from ps_fmu.cosim import read_system
 from ps_fmu.disturbance import multisine_lines, psd_at_origin
 from ps_fmu.mechanism.parameters import load

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ps_fmu.analyses.options import AnalysisOptions
+from ps_fmu.analyses.table import AnalysisOptions
 from ps_fmu.trades.sensors import report as sensors
 from ps_fmu.trades.sensors.results import CLASSES, CROSSOVERS
 

@@ -9,7 +9,7 @@ from ..cosim.description import index_variables, read_descriptions, read_start
 from ..product.files import find_product
 from ..runs.built_fmus import provide_fmus
 from ..runs.options import OptionError
-from .options import AnalysisOptions
+from .table import AnalysisOptions
 
 
 def check_sources(system: Path) -> None:

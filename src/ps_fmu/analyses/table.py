@@ -1,16 +1,35 @@
-"""The analyses of ``ps-fmu analyse``: one line each, in the order of the help."""
+"""The analyses of ``ps-fmu analyse``, one line each, in the order of the help; and the options that each gets."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .options import SYSTEM
+from ..product.files import find_product
+from ..runs.built_fmus import find_built_folder
 
 if TYPE_CHECKING:
     from .result import AnalysisResult
+
+SYSTEM = "SystemStructure.ssd"
+
+
+@dataclass(frozen=True)
+class AnalysisOptions:
+    """The options that every analysis gets."""
+
+    output: Path  # folder of the results; it exists
+    fmus: Path = field(default_factory=find_built_folder)  # folder of the built FMUs
+    system: Path = field(default_factory=lambda: find_product().system / SYSTEM)  # system structure description
+    seed: int = 1  # seed of the disturbance
+    progress: bool = True  # show progress bars on stderr
+    parameters: tuple[Path, ...] = ()  # files with start values; later ones win
+    requirements: Path | None = None  # TOML file; None: that of the product
+    uncertainty: tuple[float, ...] = ()
+    """Factors on the amplitude and between them the limits of their bands, Hz: factor, limit, factor ..."""
 
 
 @dataclass(frozen=True)
@@ -20,7 +39,7 @@ class Analysis:
     name: str  # on the command line, and of the files
     about: str  # one line for ``--help``
     function: str
-    """``module:function``; it takes :class:`.options.AnalysisOptions`."""
+    """``module:function``; it takes :class:`AnalysisOptions`."""
     needs_fmus: bool = True  # if not, it needs neither FMUs nor a system description
     system: str = SYSTEM  # name of the product's system structure description that it runs, unless told otherwise
     takes: tuple[str, ...] = ()

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .checkpoint.state import Stateful
-from .errors import CosimError
 from .faults.effects import EffectGroup
 from .guard import NamedCall, NamedSteps, load_library
 from .plan import Call, Change, Feed, Gather, Move, Operation, Plan
@@ -89,14 +88,6 @@ class StepLoop(Protocol):
 
     def count_rows(self) -> int:
         """Complete rows of the block now, also while the loop runs; rather too few than more."""
-
-
-def check_library() -> None:
-    """Raises :class:`CosimError` if the loop cannot be run here, with the command that makes it."""
-    try:
-        load_library()
-    except OSError as error:
-        raise CosimError(f"{error}\n  No steps can be run without it.  'make launcher' compiles it.") from error
 
 
 class CompiledLoop:
@@ -180,7 +171,7 @@ def _make_operation(part: Operation) -> _Operation:
     if isinstance(part, Call):
         component, function = part.instance.address, part.address
         if part.span is not None:
-            return _Operation(_DO_SPAN, 0, _find(part.span.numbers), None, None, component, function)
+            return _Operation(_DO_SPAN, 0, _find(part.span), None, None, component, function)
         arrays = map(_find, (part.references, part.orders, part.values))
         return _Operation(_CALL[part.function], len(part.names), *arrays, component, function)
     if isinstance(part, Gather):

@@ -10,7 +10,7 @@ from __future__ import annotations
 import ctypes
 import logging
 from collections.abc import Iterable, Mapping, Sequence
-from ctypes import CFUNCTYPE, byref, c_char, c_char_p, c_double, c_int, c_size_t, c_uint, c_void_p
+from ctypes import byref, c_char, c_char_p, c_double, c_int, c_size_t, c_uint, c_void_p
 from enum import Enum, auto
 from typing import Any, NoReturn
 
@@ -25,13 +25,10 @@ from .structure import Component, Value
 from .unpacked import discard_unpacked, ease_imports, provide_unpacked, release_unpacked
 from .values import parse_real
 
+log = logging.getLogger("ps_fmu.cosim")
+
 OK, WARNING, DISCARD, ERROR, FATAL, PENDING = range(6)
 LAST_SUCCESSFUL_TIME, TERMINATED = 2, 3  # fmi2StatusKind
-
-ACCESS = CFUNCTYPE(c_int, c_void_p, c_void_p, c_size_t, c_void_p)
-"""fmi2SetReal, fmi2GetReal and their kin with all pointers as addresses."""
-STEP = CFUNCTYPE(c_int, c_void_p, c_double, c_double, c_int)
-"""fmi2DoStep."""
 
 FAMILY = {name: name for name in ("Real", "Integer", "Boolean", "String")} | {"Enumeration": "Integer"}
 """FMI type -> the ending of its access functions."""
@@ -260,13 +257,11 @@ class FmuInstance:
         stated = parse_real(str(self.variables[name].nominal))
         return abs(stated) if stated else 1.0
 
-    def access(self, function: str) -> Any:
-        """A get or set function of the library that takes addresses (see ``ACCESS``)."""
-        return ACCESS(self._function_address(function))
-
-    def stepper(self) -> Any:
-        """fmi2DoStep of the library (see ``STEP``)."""
-        return STEP(self._function_address("fmi2DoStep"))
+    def find_address(self, function: str) -> int:
+        """Address of a function of the library, which the loop in C calls."""
+        address = ctypes.cast(getattr(self._fmu.dll, function), c_void_p).value
+        assert address is not None
+        return address
 
     # ---- status ------------------------------------------------------------------------------------------
 
@@ -343,11 +338,6 @@ class FmuInstance:
         array = (c_uint * len(names))(*(self.variables[name].valueReference for name in names))
         return array, len(names)
 
-    def _function_address(self, function: str) -> int:
-        address = ctypes.cast(getattr(self._fmu.dll, function), c_void_p).value
-        assert address is not None
-        return address
-
 
 def at_time(time: float | None) -> str:
     """The time [s] of a call as part of an error text."""
@@ -359,9 +349,6 @@ def quote(messages: Sequence[str]) -> str:
     if not messages:
         return "\n  The FMU logged nothing."
     return "\n  The FMU says:\n" + "\n".join("    " + line.replace("\n", "\n    ") for line in messages)
-
-
-log = logging.getLogger("ps_fmu.cosim")
 
 
 def keep_states(instances: Iterable[FmuInstance]) -> dict[FmuInstance, int]:

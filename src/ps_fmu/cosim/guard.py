@@ -1,8 +1,4 @@
-"""FMUs in this process: how they may change it, and what is left when one of them ends it.
-
-See ``native/loop/guard.c``.  Where there is no such library, an FMU that crashes or exits takes the process along
-without a word.
-"""
+"""FMUs in this process: how they may change it, and what is left when one of them ends it (``native/loop/guard.c``)."""
 
 from __future__ import annotations
 
@@ -52,8 +48,11 @@ class Place(Structure):
 
 @cache
 def load_library() -> ctypes.CDLL:
-    """The library of the loop.  Raises OSError if there is none for this platform, or none that can be loaded."""
-    library = load("loop")
+    """The library of the loop.  Raises :class:`CosimError`, with the command that makes it, where there is none."""
+    try:
+        library = load("loop")
+    except OSError as error:
+        raise CosimError(f"{error}\n  No steps can be run without it.  'make launcher' compiles it.") from error
     library.guard_prepare.argtypes, library.guard_prepare.restype = (c_void_p, c_void_p), None
     python = (ctypes.pythonapi.PyGILState_Check, ctypes.pythonapi.Py_IsInitialized)
     library.guard_prepare(*(ctypes.cast(function, c_void_p) for function in python))
@@ -61,19 +60,10 @@ def load_library() -> ctypes.CDLL:
     return library
 
 
-def find_library() -> ctypes.CDLL | None:
-    """The same, or None."""
-    try:
-        return load_library()
-    except OSError:
-        return None
-
-
 @cache
-def _load_locked() -> ctypes.PyDLL | None:
-    """The library for calls that keep the interpreter's lock, which take less time; None where there is none."""
-    if find_library() is None:
-        return None
+def _load_locked() -> ctypes.PyDLL:
+    """The library for calls that keep the interpreter's lock, which take less time."""
+    load_library()
     library = ctypes.PyDLL(str(find_compiled("loop")))
     library.guard_enter.argtypes, library.guard_enter.restype = (c_void_p,), c_void_p
     return library
@@ -92,8 +82,7 @@ class NamedCall:
         self._place = place if isinstance(place, Place) else Place(place.encode())
 
     def __enter__(self) -> None:
-        if self._library is not None:
-            self._before = self._library.guard_enter(ctypes.addressof(self._place))
+        self._before = self._library.guard_enter(ctypes.addressof(self._place))
 
     def __exit__(self, *_: object) -> None:
         if os.getpid() != self._process:  # it would go on with the run, and write into the same files
@@ -101,18 +90,16 @@ class NamedCall:
             text = f"{name}: a copy of the process, made by fork(), came back from the call, and was ended\n"
             os.write(2, text.encode())
             os._exit(1)
-        if self._library is not None:
-            self._library.guard_enter(self._before)
+        self._library.guard_enter(self._before)
 
 
 @contextmanager
 def restore_after_loading(name: str) -> Iterator[None]:
     """The library of the FMU ``name`` is loaded within: how this thread computes with numbers is put back."""
-    library = find_library()
     try:
         yield
     finally:
-        changed = 0 if library is None else int(library.guard_restore())
+        changed = int(load_library().guard_restore())
     if changed & CONTROL_WORD:
         log.warning("%s: loading the library changed %s, which was put back", name, _CHANGED_WORD)
 
@@ -120,11 +107,9 @@ def restore_after_loading(name: str) -> Iterator[None]:
 @contextmanager
 def keep_rows(keep: Callable[[], None]) -> Iterator[None]:
     """If an FMU ends the process within, ``keep`` is called before, in another thread, to store the rows of a run."""
-    library = find_library()
-    if library is not None:
-        _watch(os.getpid())
-        if "netCDF4" in sys.modules:
-            _expect_exit_of_hdf5()
+    _watch(os.getpid())
+    if "netCDF4" in sys.modules:
+        _expect_exit_of_hdf5()
     entry = threading.get_ident(), keep
     _keepers.append(entry)
     try:
@@ -160,7 +145,6 @@ class NumberGuard:
     """How this thread computes with numbers, which no FMU may change: compared with what it was, and put back."""
 
     def __init__(self) -> None:
-        self._library = find_library()
         self._warned = False
 
     @contextmanager
@@ -171,7 +155,7 @@ class NumberGuard:
         """
         with NamedCall(f"an FMU in the steps from t = {time:.9g} s on"):
             yield
-        found = 0 if self._library is None else int(self._library.guard_restore())
+        found = int(load_library().guard_restore())
         if found & CONTROL_WORD and not self._warned:
             log.warning("an FMU changed %s of this process, which was put back; %s", _CHANGED_WORD, _ADVICE)
             self._warned = True

@@ -16,14 +16,13 @@ from fmpy.model_description import ModelDescription
 from .checkpoint.checkpoints import Checkpoints
 from .clock import Event, Progress, Schedule, make_clock, make_schedule, time_progress
 from .columns import RunColumns
-from .compiled import check_library
 from .description import check_value, find_variable, read_descriptions
 from .errors import CosimError, SlaveEnded, SlaveError, UsageError
 from .faults.active import make_faults
 from .faults.reading import FaultFile
 from .fmu_instance import InstancePhase
 from .graph import KnownVariables, OpenInput, check_wiring
-from .guard import NumberGuard, keep_rows, note_interrupts
+from .guard import NumberGuard, keep_rows, load_library, note_interrupts
 from .initialisation import end_all, initialise, load, read_first_row
 from .isolation.instance import Isolation, find_maker
 from .recording.delivery import Delivery, Observer
@@ -86,7 +85,7 @@ class Master(Assembly):
         isolation: Isolation | None = None,
         faults: FaultFile | None = None,
     ) -> None:
-        check_library()
+        load_library()
         self.clock = make_clock(system, step, start_time)
         self.system = self._system = system
         self._make_instance = find_maker(isolation, system)

@@ -37,19 +37,17 @@ class MessageLog:
     """Messages of one instance.
 
     Warnings are logged when they come, each text once.  Errors are held for the exception that they explain;
-    :meth:`show_held` logs those that no exception took.  ``counts`` holds the number of messages by status.
+    :meth:`show_held` logs those that no exception took.
     """
 
     def __init__(self, component: str) -> None:
         self.component = component
-        self.counts: dict[int, int] = {}
         self._recent: deque[str] = deque(maxlen=KEPT)
         self._held: deque[str] = deque(maxlen=KEPT)
         self._shown: set[str] = set()
 
     def add(self, status: int, category: str, text: str) -> None:
         """Take a message of the FMU."""
-        self.counts[status] = self.counts.get(status, 0) + 1
         line = f"[{name_status(status)}] " + "\n".join(map(escape_controls, text.strip().splitlines()))
         if status == 0:
             log.debug("%s: %s", self.component, line)

@@ -7,8 +7,8 @@ constants in here are all that it needs.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from ctypes import Structure, addressof, c_int64, c_void_p, cast
-from dataclasses import dataclass, field
+from ctypes import Structure, addressof, c_int64, c_void_p
+from dataclasses import dataclass
 from itertools import chain
 from typing import Any
 
@@ -18,46 +18,30 @@ from numpy.typing import NDArray
 from .checkpoint.state import Stateful
 from .faults.effects import EffectGroup
 from .fmu_instance import FmuInstance
+from .rows import Array
 from .signals import BoundSignal
 from .structure import PortName
 
 
 @dataclass(frozen=True)
-class Span:
-    """A time other than the step, for an fmi2DoStep: it begins ``offset`` after the step, is ``length`` long [s]."""
-
-    offset: float
-    length: float
-    numbers: NDArray[np.float64] = field(init=False)
-    """Offset and length, for the loop."""
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "numbers", np.array([self.offset, self.length]))
-
-
-@dataclass(frozen=True)
 class Call:
-    """A library function, ``entry``, with all its arguments, which are always the same objects.
+    """A library function with all its arguments, which are always the same objects.
 
     ``later`` says that it reads what fmi2DoStep has made.  To set or get, it takes the addresses of the value
-    references and of the first of the ``values``, as many of each as there are names.  ``span`` is that of an
-    fmi2DoStep over another time than the step, ``orders`` are those of derivatives.
+    references and of the first of the ``values``, as many of each as there are names.  ``span`` (2,) is that of an
+    fmi2DoStep over another time than the step: how much later it begins, and how long it is [s]; ``orders`` are
+    those of derivatives.
     """
 
     instance: FmuInstance
     function: str
-    entry: Any
+    address: int
     names: tuple[str, ...] = ()
     references: NDArray[np.uint32] | None = None
     values: NDArray[Any] | None = None
     later: bool = False
-    span: Span | None = None
+    span: Array | None = None
     orders: NDArray[np.int32] | None = None
-
-    @property
-    def address(self) -> int:
-        """Of the function."""
-        return cast(self.entry, c_void_p).value or 0
 
     def check(self, status: int, time: float, step: float) -> None:
         """Count a warning in the step from ``time`` on [s], raise :class:`SlaveError` on anything worse."""
@@ -69,7 +53,7 @@ class Call:
 
     def _find_time(self, time: float, step: float) -> float:
         if self.span is not None:
-            return time + self.span.offset
+            return time + float(self.span[0])
         return time + step if self.later else time
 
 

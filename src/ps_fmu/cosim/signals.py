@@ -135,7 +135,7 @@ def bind_signals(
     system, fed or not, whose type is another than that of what it leads to, or whose unit cannot be converted;
     :class:`SystemFileError` with the line: a value of another type, or none of the enumeration.
     """
-    inputs = {item.name: _convert_input(system, item, descriptions) for item in system.inputs}
+    inputs = {item.name: convert_input(system, item, descriptions) for item in system.inputs}
     connected = {connection.target for connection in system.connections}
     bound = []
     owners: dict[PortName, str] = {}
@@ -155,16 +155,6 @@ def bind_signals(
     return bound
 
 
-def list_ways(
-    system: System, item: SystemInput, descriptions: Mapping[str, ModelDescription]
-) -> tuple[tuple[PortName, Conversion], ...]:
-    """The inputs of components that an input of the system leads to, and what is done to its value on the way.
-
-    Raises :class:`UsageError` as :func:`bind_signals`.
-    """
-    return _convert_input(system, item, descriptions)[1]
-
-
 def get_first_values(signals: Sequence[BoundSignal], start: float, step: float) -> dict[PortName, Value]:
     """What the signals give the inputs of components at the start [s] of a run with a step [s]."""
     types: dict[str, type[float | int | bool]] = {"Real": float, "Boolean": bool}
@@ -175,10 +165,13 @@ def get_first_values(signals: Sequence[BoundSignal], start: float, step: float) 
     }
 
 
-def _convert_input(
+def convert_input(
     system: System, item: SystemInput, descriptions: Mapping[str, ModelDescription]
 ) -> tuple[End, tuple[tuple[PortName, Conversion], ...]]:
-    """What an input of the system is, and the ways from it."""
+    """What an input of the system is; the inputs of components that it leads to, with what is done on the way.
+
+    Raises :class:`UsageError` as :func:`bind_signals`.
+    """
     ends = [_find_end(port, descriptions) for port, _ in item.targets]
     start = End(item.end.type or ends[0].type, item.end.unit or ends[0].unit, item.end.items or ends[0].items)
     targets = []

@@ -126,46 +126,23 @@ class Experiment:
 
 
 class ParameterSet(Mapping[str, Value]):
-    """Values by name as read from a file, with the units that the file states and the types of its annotations."""
+    """Values by name as read from a file."""
 
-    def __init__(
-        self,
-        values: Mapping[str, Value],
-        units: Mapping[str, str],
-        origins: Mapping[str, str],
-        notes: Mapping[str, frozenset[str]] | None = None,
-        defined: Mapping[str, Unit] | None = None,
-        items: Mapping[str, Items] | None = None,
-    ) -> None:
-        self._values = dict(values)
-        self.defined = dict(defined or {})  # by name of the unit
-        self.enumerations = dict(items or {})
-        self.units = dict(units)
-        self.origins = dict(origins)
-        self.notes = dict(notes or {})
+    def __init__(self, entries: Mapping[str, Parameter]) -> None:
+        self._entries = dict(entries)
 
     def __getitem__(self, name: str) -> Value:
-        return self._values[name]
+        return self._entries[name].value
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._values)
+        return iter(self._entries)
 
     def __len__(self) -> int:
-        return len(self._values)
+        return len(self._entries)
 
     def entries(self) -> dict[str, Parameter]:
-        """The same as :class:`Parameter` objects."""
-        return {
-            name: Parameter(
-                value,
-                self.units.get(name),
-                self.origins[name],
-                self.notes.get(name, frozenset()),
-                self.defined.get(self.units.get(name, "")),
-                self.enumerations.get(name),
-            )
-            for name, value in self._values.items()
-        }
+        """The same with the units and annotations that the file states."""
+        return dict(self._entries)
 
 
 @dataclass(frozen=True)

@@ -16,9 +16,9 @@ import numpy as np
 from fmpy.model_description import ModelDescription
 
 from .compiled import StepLoop
-from .errors import DiscardedStep, SlaveEnded, SlaveError
+from .errors import DiscardedStep, SlaveEnded
 from .faults.active import ActiveFaults, Memories
-from .fmu_instance import FmuInstance
+from .fmu_instance import FmuInstance, release_states
 from .rows import Array, Rows
 
 log = logging.getLogger("ps_fmu.cosim")
@@ -128,7 +128,7 @@ class RepeatingLoop:
         kept, self._kept = self._kept, None
         self._since.clear()
         if kept is not None:
-            self._release(kept)
+            release_states(kept.states)
 
     def _keep_now_and_then(self) -> None:
         """Keep states unless there are some, and not old ones."""
@@ -183,7 +183,7 @@ class RepeatingLoop:
                 size = _choose(again, now, size)
                 continue
             finally:
-                self._release(kept)
+                release_states(kept.states)
             if rows.filled == filled:  # interrupted
                 return
             now = end if last else now + size
@@ -206,7 +206,7 @@ class RepeatingLoop:
             state = instance.try_state()
             if state is None:  # it was only a precaution: the run goes on without
                 self._obstacle = f"{instance.name} has refused fmi2GetFMUstate, though canGetAndSetFMUstate is true"
-                self._release(kept)
+                release_states(kept.states)
                 return replace(kept, states={})
             kept.states[instance] = state
         return kept
@@ -216,14 +216,6 @@ class RepeatingLoop:
             instance.set_state(state)
         self._rows.latest[:] = kept.latest
         self._faults.restore(kept.memories)
-
-    @staticmethod
-    def _release(kept: _Kept) -> None:
-        for instance, state in kept.states.items():
-            try:
-                instance.free_state(state)
-            except SlaveError as error:  # after another failure, which says more
-                log.warning("%s", error)
 
 
 def _choose(error: DiscardedStep, now: float, size: float) -> float:

@@ -14,8 +14,8 @@ from .columns import RunColumns
 from .faults.active import ActiveFaults
 from .fmu_instance import FAMILY, FmuInstance
 from .graph import Wiring
-from .plan import Call, Change, Feed, Gather, Gathered, Move, Span
-from .rows import Latest, Rows
+from .plan import Call, Change, Feed, Gather, Gathered, Move
+from .rows import Array, Latest, Rows
 from .schemes.scheme import Scheme
 from .signals import BoundSignal
 from .stopwatch import Stopwatch
@@ -162,9 +162,9 @@ def make_scale(inputs: NDArray[np.float64], scales: Sequence[tuple[int, float, f
     return Change("scale", inputs, table, numbers)
 
 
-def make_step(instance: FmuInstance, span: Span | None = None) -> Call:
+def make_step(instance: FmuInstance, span: Array | None = None) -> Call:
     """fmi2DoStep over the step, or over a span."""
-    return Call(instance, "fmi2DoStep", instance.stepper(), span=span)
+    return Call(instance, "fmi2DoStep", instance.find_address("fmi2DoStep"), span=span)
 
 
 def make_derivatives(instance: FmuInstance, names: Sequence[str], slopes: NDArray[np.float64]) -> Call:
@@ -172,7 +172,7 @@ def make_derivatives(instance: FmuInstance, names: Sequence[str], slopes: NDArra
     function = "fmi2SetRealInputDerivatives"
     references = np.array([instance.variables[name].valueReference for name in names], dtype=np.uint32)
     orders = np.ones(len(names), dtype=np.int32)
-    return Call(instance, function, instance.access(function), tuple(names), references, slopes, orders=orders)
+    return Call(instance, function, instance.find_address(function), tuple(names), references, slopes, orders=orders)
 
 
 def _group(ports: Iterable[PortName]) -> dict[str, list[PortName]]:
@@ -207,4 +207,4 @@ def _make_access(instance: FmuInstance, function: str, ports: Sequence[PortName]
     names = tuple(port.variable for port in ports)
     references = np.array([instance.variables[name].valueReference for name in names], dtype=np.uint32)
     later = function.startswith("fmi2Get")
-    return Call(instance, function, instance.access(function), names, references, values, later)
+    return Call(instance, function, instance.find_address(function), names, references, values, later)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import importlib.util
 import os
+import subprocess
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
@@ -12,12 +14,21 @@ from ..cosim.errors import SystemFileError
 from ..cosim.xmlfile import MAXIMUM_BYTES
 from ..native import find_platform
 from ..slavekit.pack.stages import StageResult, live_in_fmpy
-from . import archive_rules, lives, other_checkers
+from . import archive_rules, lives
 from .reading import Description, read_description
 from .rules import DESCRIPTION_RULES, check_description
 from .verdicts import FAILED, NOT_RUN, OK, WARNING, CheckResult
 
 _DESCRIPTION = "modelDescription.xml"
+TIME_LIMIT = 120.0  # s
+FMUTOOL = "fmu_manipulation_toolbox"
+"""The package of fmutool."""
+_FMPY = """
+import sys
+from fmpy.validation import validate_fmu
+for problem in validate_fmu(sys.argv[1]):
+    print("ERROR |", " ".join(problem.split()))
+"""
 
 
 def check_fmu(path: Path, run: bool = True) -> Iterator[CheckResult]:
@@ -43,8 +54,8 @@ def check_fmu(path: Path, run: bool = True) -> Iterator[CheckResult]:
 
     version = description.root.attributes.get("fmiVersion", "")
     yield _check_rules(description, version)
-    yield other_checkers.run_fmpy(path)
-    yield other_checkers.run_fmutool(path, version)
+    yield _run_fmpy(path)
+    yield _run_fmutool(path, version)
     reason = _find_obstacle(path, description, version) if run else "--no-run: the FMU is not loaded"
     if reason is not None:
         yield CheckResult("life in FMPy", NOT_RUN, (reason,))
@@ -108,3 +119,36 @@ def _live_in_c_host(path: Path, members: Sequence[str], description: Description
 def _list_stages(host: str, results: Iterable[StageResult]) -> Iterator[CheckResult]:
     for stage, problem in results:
         yield CheckResult(f"{host}: {stage}", FAILED if problem else OK, tuple(problem.splitlines()))
+
+
+# --- Checkers of other makers: each in a process with a time limit; they read an FMU and run nothing of it ------------
+
+
+def _run_fmpy(fmu: Path) -> CheckResult:
+    """FMPy's validation of the model description."""
+    return _run_checker("FMPy validate", "-c", _FMPY, str(fmu.resolve()))
+
+
+def _run_fmutool(fmu: Path, version: str) -> CheckResult:
+    """``fmutool -check``, where it is installed and knows this version of FMI."""
+    name = "fmutool -check"
+    if not version.startswith(("2.", "3.")):
+        return CheckResult(name, NOT_RUN, (f"it checks FMI 2.0 and 3.0, the file says {version!r}",))
+    if importlib.util.find_spec(FMUTOOL) is None:
+        return CheckResult(name, NOT_RUN, ("fmu-manipulation-toolbox is not installed",))
+    return _run_checker(name, "-m", f"{FMUTOOL}.cli.fmutool", "-input", str(fmu.resolve()), "-check")
+
+
+def _run_checker(name: str, *arguments: str) -> CheckResult:
+    """Run a checker that writes its problems as ``ERROR | text``."""
+    # -I: the user's current directory may hold anything, also modules with the names that the checker imports.
+    command = [sys.executable, "-I", "-X", "utf8", *arguments]
+    try:
+        run = subprocess.run(command, capture_output=True, encoding="utf-8", errors="replace", timeout=TIME_LIMIT)
+    except subprocess.TimeoutExpired:
+        return CheckResult(name, FAILED, (f"did not end within {TIME_LIMIT:g} s",))
+    lines = (run.stdout + run.stderr).splitlines()
+    errors = [line.partition("|")[2].strip() for line in lines if line.startswith(("ERROR", "CRITICAL"))]
+    if run.returncode != 0 and not errors:
+        errors = [f"exit code {run.returncode}", *lines[-5:]]
+    return CheckResult(name, FAILED if errors else OK, tuple(errors))

@@ -14,7 +14,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import islice
 
-from . import model_rules, structure_rules, type_rules, unit_rules, variable_rules
+from . import model_rules, structure_rules, unit_rules, variable_rules
 from .reading import Description, Faults
 from .verdicts import FAILED, WARNING, clean_line
 
@@ -58,10 +58,10 @@ DESCRIPTION_RULES = (
     DescriptionRule("base-units", "2.2.2", unit_rules.check_base_units),
     DescriptionRule("display-units", "2.2.2", unit_rules.check_display_names),
     DescriptionRule("display-conversions", "2.2.2", unit_rules.check_display_units),
-    DescriptionRule("types", "2.2.3", type_rules.check_names),
-    DescriptionRule("type-units", "2.2.3", type_rules.check_units),
-    DescriptionRule("type-bounds", "2.2.3", type_rules.check_bounds),
-    DescriptionRule("enumerations", "2.2.3", type_rules.check_enumerations),
+    DescriptionRule("types", "2.2.3", model_rules.check_types),
+    DescriptionRule("type-units", "2.2.3", model_rules.check_type_units),
+    DescriptionRule("type-bounds", "2.2.3", model_rules.check_type_bounds),
+    DescriptionRule("enumerations", "2.2.3", model_rules.check_enumerations),
     DescriptionRule("log-categories", "2.2.4", model_rules.check_log_categories),
     DescriptionRule("experiment", "2.2.5", model_rules.check_experiment),
     DescriptionRule("vendor-annotations", "2.2.6", model_rules.check_vendor_annotations),

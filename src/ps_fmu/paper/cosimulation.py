@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
-from ..analyses.options import AnalysisOptions
+from ..analyses.table import AnalysisOptions
 from ..cosim import Column
 from ..results.observers.sampler import SampleObserver
 from ..runs.built_fmus import provide_fmus

@@ -152,7 +152,7 @@ class PointingIndex(ABC):
     ) -> float:
         """Variance from a density given as a function of the frequency, Hz, over a finite band (low, high), Hz.
 
-        Adaptive, to 1e-12 of the result.  ``points`` are frequencies of narrow resonances and steps.  Densities that
+        To 1e-12 of the result.  ``points`` are frequencies of narrow resonances and steps.  Densities that
         grow towards 0 Hz are fine where the weight falls faster: ``band=(0.0, high)`` of 1/f^2 for the relative error.
         """
         if step is not None:

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..cosim import Column
 from ..results.observers.kept import State, check_array
 from .distribution import Distribution
-from .requirement import NamedColumn, Requirement, Target, find_targets
+from .requirement import Requirement, Target, find_targets
 
 Array = NDArray[np.float64]
 
@@ -68,7 +69,7 @@ class RequirementRecord:
     """
 
     def __init__(
-        self, requirement: Requirement, columns: Sequence[NamedColumn], step: float, rows: int, lead_s: float = 0.0
+        self, requirement: Requirement, columns: Sequence[Column], step: float, rows: int, lead_s: float = 0.0
     ) -> None:
         requirement.check_times(step, (rows - 1) * step - lead_s)
         self.requirement = requirement

@@ -1,25 +1,6 @@
 """A requirement on a pointing error: read from a file, checked, and found among the columns of a run.
 
-A file has a table ``[[requirement]]`` for each::
-
-    [[requirement]]
-    name = "exposure"
-    signal = "plant.payload_rotation"  # each axis; a list of names, or component.variable, are possible, too
-    combine = "norm"                   # the magnitude of the vector instead of each axis
-    case = "active"                    # the run of the scenario
-    settling = "5 s"                   # left out at the start
-    index = "RPE"                      # APE, MPE, RPE, PDE, PRE, smear, jitter
-    at = "uniform"                     # RPE: where t lies in the window
-    window = "1 s"                     # all but APE
-    separation = "10 s"                # PDE and PRE
-    statistic = "quantile"             # or "rms", "peak"
-    probability = 0.95
-    confidence = 0.9
-    interpretation = "temporal"        # or "ensemble", "mixed"
-    limit = "0.5 urad"
-
-``combine``, ``case``, ``settling`` and ``statistic`` may be left out.  An RMS has no probability and no interpretation,
-a peak no confidence either.
+A file has a table ``[[requirement]]`` for each; docs/requirements.md explains its keys.
 """
 
 from __future__ import annotations
@@ -29,10 +10,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Annotated, Any, Literal, Protocol
+from typing import Annotated, Any, Literal
 
 import msgspec
 
+from ..cosim import Column
 from ..cosim.documents import read_document
 from ..cosim.errors import SystemFileError
 from ..cosim.structure import suggest_names
@@ -218,22 +200,6 @@ def read_requirements(path: Path) -> tuple[Requirement, ...]:
     return tuple(found)
 
 
-class NamedColumn(Protocol):
-    """What must be known of a recorded output."""
-
-    @property
-    def name(self) -> str:
-        """``component.variable``."""
-
-    @property
-    def unit(self) -> str:
-        """As FMI spells it; "1" where there is none."""
-
-    @property
-    def type(self) -> str:
-        """``Real``, ``Integer``, ``Enumeration`` or ``Boolean``."""
-
-
 @dataclass(frozen=True)
 class Target:
     """What gets a verdict of its own."""
@@ -245,7 +211,7 @@ class Target:
     """In the unit of the columns."""
 
 
-def find_targets(requirement: Requirement, columns: Sequence[NamedColumn]) -> tuple[Target, ...]:
+def find_targets(requirement: Requirement, columns: Sequence[Column]) -> tuple[Target, ...]:
     """The targets of a requirement among the columns of a run.
 
     Raises :class:`RequirementError`: an unknown signal (with near names), one that is no Real, a limit

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ..cosim import Column
 from ..cosim.clock import count_steps
 from ..cosim.recording.columns_on_disk import iterate_blocks, read_chunk_rows
 from ..cosim.recording.decimate import PASS_BAND
@@ -21,13 +21,6 @@ from .verdict import Verdict, judge, no_run
 
 _TYPES = {"f": "Real", "i": "Integer"}
 _FMI_UNITS = {spelt: unit for unit, spelt in UDUNITS.items() if spelt != "1"}
-
-
-@dataclass(frozen=True)
-class _Column:
-    name: str
-    unit: str
-    type: str
 
 
 class ResultsError(OSError):
@@ -156,11 +149,11 @@ def _name(case: str, datasets: Sequence[Any]) -> str:
     return f"{case} ({found[0]})" if found else case
 
 
-def _describe(variable: Any) -> _Column:
+def _describe(variable: Any) -> Column:
     stored_as = getattr(variable.dtype, "kind", "")  # texts have the type str, which has none
     kind = "Boolean" if hasattr(variable, "flag_meanings") else _TYPES.get(stored_as, "String")
     unit = str(getattr(variable, "units", "1"))
-    return _Column(variable.name, _FMI_UNITS.get(unit, unit), kind)
+    return Column(variable.name, _FMI_UNITS.get(unit, unit), kind, "")
 
 
 def _describe_rows(group: Any, step: float) -> str:

@@ -7,7 +7,7 @@ import json
 import math
 import platform
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import asdict, dataclass
 from functools import cache
 from importlib import metadata
 from pathlib import Path
@@ -52,49 +52,18 @@ def _find_version(package: str) -> str:
         return "not installed"
 
 
-@dataclass(frozen=True)
-class RunSummary:
-    """What ``summary.json`` holds at least; ``more`` is merged into it under keys of its own.
-
-    The three lists are per axis x, y, z of the payload frame P; None (JSON null) where a scenario has no such
-    figure.  Raises ``ValueError`` for a list that has not three entries and for a key that ``more`` repeats.
-    """
-
-    scenario: str
-    orientation_deg: Sequence[float] | None  # roll, pitch, yaw
-    step_s: float
-    duration_s: float
-    seed: int | None  # None: nothing random in the system
-    rms_passive_rad: Sequence[float] | None
-    rms_active_rad: Sequence[float] | None
-    rejection_percent: Sequence[float] | None
-    real_time_factor: float  # simulated seconds per second
-    fmus: Sequence[FmuFile]
-    versions: Mapping[str, str] = field(default_factory=versions)
-    more: Mapping[str, object] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        for name in ("orientation_deg", "rms_passive_rad", "rms_active_rad", "rejection_percent"):
-            value = getattr(self, name)
-            if value is not None and len(value) != 3:
-                raise ValueError(f"{name}: expected three entries, got {len(value)}")
-        repeated = {item.name for item in fields(self)} & set(self.more)
-        if repeated:
-            raise ValueError(f"more: repeats {', '.join(sorted(repeated))}")
-
-    def as_dict(self) -> dict[str, object]:
-        """The content of the file: numbers, strings, lists and dictionaries; NaN and infinities are None."""
-        own = {item.name: getattr(self, item.name) for item in fields(self) if item.name != "more"}
-        own["fmus"] = [{"name": fmu.name, "sha256": fmu.sha256} for fmu in self.fmus]
-        return {key: plain(value, key) for key, value in {**own, **self.more}.items()}
-
-    def write(self, path: Path) -> None:
-        """Write the file in one go; raises ``OSError`` and leaves what was there if that fails."""
-        write_atomically(path, json.dumps(self.as_dict(), indent=2, allow_nan=False) + "\n")
+def write_summary(path: Path, content: Mapping[str, object]) -> None:
+    """Write a JSON file in one go; raises ``OSError`` and leaves what was there if that fails."""
+    write_atomically(path, json.dumps(plain(content, path.name), indent=2, allow_nan=False) + "\n")
 
 
 def plain(value: object, key: str) -> object:
-    """``value`` as JSON knows it; raises ``TypeError`` naming the entry it cannot turn into JSON."""
+    """``value`` as JSON knows it, NaN and infinities as None.
+
+    Raises ``TypeError`` naming the entry that it cannot turn into JSON.
+    """
+    if isinstance(value, FmuFile):
+        value = asdict(value)
     if isinstance(value, np.ndarray | np.generic):
         value = value.tolist()
     if value is None or isinstance(value, bool | int | str):

@@ -9,7 +9,7 @@ interpretation), with bounds from order statistics and the effective number of i
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from typing import Any
@@ -18,13 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..pointing.confidence import Statement
-from ..pointing.indices import (
-    AbsoluteError,
-    DriftError,
-    MeanError,
-    PointingIndex,
-    RelativeError,
-)
+from ..pointing.indices import AbsoluteError, DriftError, MeanError, PointingIndex, RelativeError
 from ..requirements.decision import quantile_of_record
 from ..requirements.distribution import Distribution
 from ..results.observers.kept import State, check_array
@@ -42,6 +36,7 @@ PROBABILITIES = (0.6827, 0.95, 0.9973)
 CONFIDENCE = 0.95
 SCALE = 1e-6  # rad and m: the middle of the twelve decades in which values are told apart
 BATCH_ROWS = 40_000  # evaluated together, one signal after the other: each call costs as much as 3000 rows
+_STATED = ("probability", "value", "confidence", "lower", "upper", "bound")
 KEPT = 2**14  # values of a series from which the number of independent samples follows
 
 
@@ -50,16 +45,28 @@ class IndexStatistics:
     """An index over a run; arrays (signals,) in the order and the units of the signals."""
 
     index: PointingIndex
-    count: int
-    """Values of the index: windows, or times in them."""
-    bias: Array
-    """Mean."""
-    rms: Array
-    """With the bias."""
-    peak: Array
-    """Largest magnitude."""
     distributions: Sequence[Distribution]
     """Of each signal."""
+
+    @property
+    def count(self) -> int:
+        """Values of the index: windows, or times in them."""
+        return self.distributions[0].count
+
+    @property
+    def bias(self) -> Array:
+        """Mean."""
+        return np.array([one.mean for one in self.distributions])
+
+    @property
+    def rms(self) -> Array:
+        """With the bias."""
+        return np.array([one.rms for one in self.distributions])
+
+    @property
+    def peak(self) -> Array:
+        """Largest magnitude."""
+        return np.array([one.peak for one in self.distributions])
 
     @cached_property
     def quantiles(self) -> tuple[tuple[Statement, ...], ...]:
@@ -79,12 +86,7 @@ class IndexStatistics:
             "peak": self.peak[place],
             "quantiles": [
                 {
-                    "probability": stated.probability,
-                    "value": stated.value,
-                    "confidence": stated.confidence,
-                    "lower": stated.lower,
-                    "upper": stated.upper,
-                    "bound": stated.bound,
+                    **{key: getattr(stated, key) for key in _STATED},
                     "independent_samples": stated.independent,
                 }
                 for stated in self.quantiles[place]
@@ -124,29 +126,18 @@ class IndexRecord(ColumnObserver):
         if self._width > 1:
             self._evaluated += (MeanError(window), RelativeError(window, "uniform"), DriftError(window, window))
         self._rows = rows
-        self._tallies: dict[PointingIndex, _Tally] = {}
+        self._found: dict[PointingIndex, list[Distribution]] = {}
         # The window before, for the PDE, then windows that are evaluated together.
         self._held = np.empty((len(self.names), self._width * (1 + max(1, BATCH_ROWS // self._width))))
         self._filled = self._width
         self._first = self._width  # of what is held: 0 once there is a window before
 
-    def block(self, first_index: int, time: Array, values: Array) -> None:
-        """As in :class:`ColumnObserver`, without a copy on the way."""
-        if len(time) and time[0] < self.start_s:
-            super().block(first_index, time, values)
-        else:
-            self._hold(len(values), lambda rows, goal: self.copy_columns(values[rows], goal))
-
     def take(self, time: Array, samples: Array) -> None:
         """Hold the rows; evaluate them when there is no room for more."""
-        self._hold(samples.shape[1], lambda rows, goal: np.copyto(goal, samples[:, rows]))
-
-    def _hold(self, rows: int, copy: Callable[[slice, Array], None]) -> None:
-        """As :meth:`take`; ``copy`` puts a slice of the rows where they are held."""
         taken, room = 0, self._held.shape[1]
-        while taken < rows:
-            count = min(room - self._filled, rows - taken)
-            copy(slice(taken, taken + count), self._held[:, self._filled : self._filled + count])
+        while taken < len(time):
+            count = min(room - self._filled, len(time) - taken)
+            self._held[:, self._filled : self._filled + count] = samples[:, taken : taken + count]
             taken += count
             self._filled += count
             if self._filled == room:
@@ -156,8 +147,10 @@ class IndexRecord(ColumnObserver):
 
     def save_state(self) -> dict[str, Any]:
         """As :meth:`ColumnObserver.save_state`."""
-        tallies = [[self._evaluated.index(index), tally.save_state()] for index, tally in self._tallies.items()]
-        return {"held": self._held[:, self._first : self._filled], "first": self._first, "tallies": tallies}
+        found = [
+            [self._evaluated.index(index), [one.save_state() for one in own]] for index, own in self._found.items()
+        ]
+        return {"held": self._held[:, self._first : self._filled], "first": self._first, "found": found}
 
     def load_state(self, state: State) -> None:
         """As :meth:`ColumnObserver.load_state`."""
@@ -167,22 +160,25 @@ class IndexRecord(ColumnObserver):
             raise ValueError(f"held: {held.shape[1]} rows from {first} on, with room for {self._held.shape[1]}")
         self._first, self._filled = first, first + held.shape[1]
         self._held[:, self._first : self._filled] = held
-        self._tallies.clear()
-        for place, kept in state["tallies"]:
-            self._make_tally(self._evaluated[place]).load_state(kept)
+        self._found.clear()
+        for place, kept in state["found"]:
+            for own, one in zip(self._find(self._evaluated[place]), kept, strict=True):
+                own.load_state(one)
 
-    def _make_tally(self, index: PointingIndex) -> _Tally:
-        every_row = isinstance(index, AbsoluteError | RelativeError)
-        expected = self._rows if every_row else max(1, self._rows // self._width)
-        self._tallies[index] = _Tally([Distribution(SCALE, expected, KEPT) for _ in self.names])
-        return self._tallies[index]
+    def _find(self, index: PointingIndex) -> list[Distribution]:
+        """The distributions of an index, by signal."""
+        if index not in self._found:
+            every_row = isinstance(index, AbsoluteError | RelativeError)
+            expected = self._rows if every_row else max(1, self._rows // self._width)
+            self._found[index] = [Distribution(SCALE, expected, KEPT) for _ in self.names]
+        return self._found[index]
 
     def _evaluate(self) -> None:
-        """Add what is held to the tallies; a window that is not full has an APE all the same."""
+        """Add what is held to the distributions; a window that is not full has an APE all the same."""
         for place, samples in enumerate(self._held):
             for index, values in zip(self._evaluated, self._find_values(samples), strict=True):
                 if len(values):
-                    self._add(index, place, values)
+                    self._find(index)[place].add(values)
 
     def _find_values(self, samples: Array) -> tuple[Array, ...]:
         """What :meth:`.PointingIndex.values` gives for each index, of a signal that is held.
@@ -198,45 +194,12 @@ class IndexRecord(ColumnObserver):
         deviation = samples[self._width : whole].reshape(-1, self._width) - own[:, None]
         return errors, own, deviation.ravel(), np.diff(means)
 
-    def _add(self, index: PointingIndex, place: int, values: Array) -> None:
-        tally = self._tallies.get(index) or self._make_tally(index)
-        tally.add(place, values)
-
     def result(self) -> tuple[IndexStatistics, ...]:
         """The indices that the run was long enough for; none if no row has been seen.  The run is over then."""
         if self._filled > self._width:
             self._evaluate()
             self._filled = self._width
-        return tuple(tally.conclude(index) for index, tally in self._tallies.items())
-
-
-class _Tally:
-    """The values of one index so far."""
-
-    def __init__(self, distributions: list[Distribution]) -> None:
-        self.distributions = distributions
-
-    def add(self, place: int, values: Array) -> None:
-        """Add values (n,) of a signal."""
-        self.distributions[place].add(values)
-
-    def save_state(self) -> dict[str, Any]:
-        return {"distributions": [one.save_state() for one in self.distributions]}
-
-    def load_state(self, state: State) -> None:
-        for own, kept in zip(self.distributions, state["distributions"], strict=True):
-            own.load_state(kept)
-
-    def conclude(self, index: PointingIndex) -> IndexStatistics:
-        count = self.distributions[0].count
-        return IndexStatistics(
-            index=index,
-            count=count,
-            bias=np.array([one.mean for one in self.distributions]),
-            rms=np.array([one.rms for one in self.distributions]),
-            peak=np.array([one.peak for one in self.distributions]),
-            distributions=self.distributions,
-        )
+        return tuple(IndexStatistics(index, own) for index, own in self._found.items())
 
 
 @dataclass(frozen=True)

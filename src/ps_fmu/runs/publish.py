@@ -11,7 +11,7 @@ from ..requirements.verdict import Answer, Verdict, format_verdicts, list_remark
 from ..results.figures import draw_exploration
 from ..results.page.content import Exploration, VerdictRow
 from ..results.report import Picture, Report
-from ..results.summary import RunSummary, versions
+from ..results.summary import versions, write_summary
 from ..results.tables import Table
 from .cases import Outcome
 from .options import REPORT, RESULTS, SUMMARY, RunOptions
@@ -34,7 +34,7 @@ class Done:
 
 @dataclass(frozen=True)
 class Findings:
-    """The results of a scenario.  The three lists are those of :class:`RunSummary`; ``more`` goes there, too."""
+    """The results of a scenario.  The three lists, per axis of P, and ``more`` go into summary.json."""
 
     title: str
     outcomes: Sequence[Outcome]
@@ -71,7 +71,7 @@ def publish(options: RunOptions, system: RunSystem, findings: Findings, show: Ca
     except OSError as error:  # the rows are there; nothing else is to be lost
         system.warnings.add(str(error))
     verdicts = system.judge.conclude()
-    make_summary(options, system, findings).write(options.output / SUMMARY)
+    write_summary(options.output / SUMMARY, make_summary(options, system, findings))
     faults = _tabulate_faults(options, findings)
     Report(
         title=findings.title,
@@ -98,32 +98,31 @@ def describe(options: RunOptions, system: RunSystem, findings: Findings) -> list
     return [*shown, *(f"{table.caption}\n{table.to_text()}\n" for table in tables)]
 
 
-def make_summary(options: RunOptions, system: RunSystem, findings: Findings) -> RunSummary:
+def make_summary(options: RunOptions, system: RunSystem, findings: Findings) -> dict[str, object]:
     """What summary.json says."""
     verdicts = system.judge.conclude()
     required = {"verdicts": [verdict.as_dict() for verdict in verdicts]} if verdicts else {}
     acted = {outcome.case.name: outcome.faults for outcome in findings.outcomes}
-    return RunSummary(
-        scenario=options.scenario.name,
-        orientation_deg=findings.orientation_deg,
-        step_s=options.step_s,
-        duration_s=options.duration_s,
-        seed=int(system.get_start(SEED)) if has_disturbance(system.descriptions) else None,
-        rms_passive_rad=findings.rms_passive_rad,
-        rms_active_rad=findings.rms_active_rad,
-        rejection_percent=findings.rejection_percent,
-        real_time_factor=findings.real_time_factor,
-        fmus=identify_fmus(system),
-        more={
-            **findings.more,
-            **required,
-            **({} if options.faults is None else {"faults": list_faults(options.faults, acted)}),
-            **({"costs": system.costs.as_dict()} if options.profile else {}),
-            "indices": system.indices.as_dict(),
-            "parameters": collect_parameters(options, system),
-            "warnings": system.warnings.texts,
-        },
-    )
+    return {
+        "scenario": options.scenario.name,
+        "orientation_deg": findings.orientation_deg,
+        "step_s": options.step_s,
+        "duration_s": options.duration_s,
+        "seed": int(system.get_start(SEED)) if has_disturbance(system.descriptions) else None,
+        "rms_passive_rad": findings.rms_passive_rad,
+        "rms_active_rad": findings.rms_active_rad,
+        "rejection_percent": findings.rejection_percent,
+        "real_time_factor": findings.real_time_factor,
+        "fmus": identify_fmus(system),
+        "versions": versions(),
+        **findings.more,
+        **required,
+        **({} if options.faults is None else {"faults": list_faults(options.faults, acted)}),
+        **({"costs": system.costs.as_dict()} if options.profile else {}),
+        "indices": system.indices.as_dict(),
+        "parameters": collect_parameters(options, system),
+        "warnings": system.warnings.texts,
+    }
 
 
 def list_missed(system: RunSystem, findings: Findings) -> list[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import TypeAlias
@@ -45,6 +45,11 @@ class Comparison:
         return to_degrees(self.target)
 
     @property
+    def records(self) -> tuple[JitterRecord, JitterRecord]:
+        """Passive and active."""
+        return self.passive, self.active
+
+    @property
     def rms_passive(self) -> Array:
         """RMS of the payload's rotation without the isolator, (3,), rad, axes of P."""
         return self.passive.statistics.rms
@@ -74,41 +79,26 @@ class Comparison:
     @property
     def entry(self) -> dict[str, object]:
         """What summary.json says of the orientation besides the three lists."""
-        return {
-            "target_deg": self.target_deg,
-            "reachable": self.reachable,
-            "mean_passive_rad": self.passive.statistics.mean,
-            "mean_active_rad": self.active.statistics.mean,
-            "peak_passive_rad": self.passive.statistics.peak,
-            "peak_active_rad": self.active.statistics.peak,
-            # Second half of the window less first half, pointing.drift.
-            "drift_passive_rad": self.passive.drift,
-            "drift_active_rad": self.active.drift,
-            "image_rms_radius_passive_m": self.passive.scatter.radius_rms,
-            "image_rms_radius_active_m": self.active.scatter.radius_rms,
-            "saturated_fraction": self.active.saturated,
-        }
+        entry: dict[str, object] = {"target_deg": self.target_deg, "reachable": self.reachable}
+        for key, of in _QUANTITIES.items():
+            name, _, unit = key.rpartition("_")
+            entry |= {f"{name}_{case}_{unit}": of(record) for case, record in zip(CASES, self.records, strict=True)}
+        return {**entry, "saturated_fraction": self.active.saturated}
 
 
-def compare(
-    system: RunSystem,
-    options: RunOptions,
-    target: Iterable[float],
-    *,
-    values: Mapping[str, Value] | None = None,
-    lead_steps: int = 0,
-    prefix: str = "",
-    explored: bool = False,
-    history: bool = False,
-) -> Comparison:
-    """Run the system passive, then active, with the commander's target from the start.
+_QUANTITIES: Mapping[str, Callable[[JitterRecord], object]] = {
+    "mean_rad": lambda record: record.statistics.mean,
+    "peak_rad": lambda record: record.statistics.peak,
+    "drift_rad": lambda record: record.drift,  # second half of the window less first half
+    "image_rms_radius_m": lambda record: record.scatter.radius_rms,
+}
+"""Of each case in summary.json."""
 
-    The arguments are those of :func:`run_cases`.
-    """
-    (first, passive), (second, active) = run_cases(
-        system, options, target, values=values, lead_steps=lead_steps, prefix=prefix, explored=explored, history=history
-    )
+
+def compare(target: Iterable[float], runs: Sequence[tuple[Outcome, JitterRecord]]) -> Comparison:
+    """The comparison of the passive and the active run of :func:`run_cases` at a target, rad."""
     roll, pitch, yaw = map(float, target)
+    (first, passive), (second, active) = runs
     return Comparison((roll, pitch, yaw), passive, active, (first, second))
 
 
@@ -122,9 +112,9 @@ def run_cases(
     prefix: str = "",
     explored: bool = False,
     history: bool = False,
-    only: Collection[str] = CASES,
+    only: Collection[str] = (),
 ) -> list[tuple[Outcome, JitterRecord]]:
-    """Run the cases of a comparison.
+    """Run the cases of a comparison, passive, then active, with the commander's target from the start.
 
     Parameters
     ----------
@@ -133,7 +123,7 @@ def run_cases(
     lead_steps: steps to run before the duration of the options, left out of the statistics.
     prefix: of the two groups in results.nc, for scenarios with several orientations.
     explored, history: keep what a report to explore shows, and the whole history, see :class:`JitterRecord`.
-    only: names of the cases to run.
+    only: names of the cases to run; empty: all.
     """
     roll, pitch, yaw = map(float, target)
     targets = dict(zip(TARGET, (roll, pitch, yaw), strict=True))
@@ -160,7 +150,7 @@ def run_cases(
             duration_s=steps * options.step_s,
         )
         for name, enabled in zip(CASES, (False, True), strict=True)
-        if name in only
+        if not only or name in only
     ]
 
 

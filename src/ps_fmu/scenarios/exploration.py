@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cosim.recording.columns_on_disk import read_rows
-from ..mechanism.geometry import Geometry
 from ..mechanism.inverse_kinematics import trilaterate
+from ..mechanism.kinematics import Geometry
 from ..mechanism.rotations import rotation_matrix
 from ..pointing.spectra import cumulative_rms, log_bands
 from ..results.datasets import open_results
@@ -86,7 +86,7 @@ def explore_comparisons(comparisons: Mapping[str, Comparison], system: RunSystem
 
 def _chart_comparison(comparison: Comparison, prefix: str) -> tuple[list[ChartGroup], CloudGroup]:
     """Charts and image points of a comparison, and the names of their PNG files."""
-    records = comparison.passive, comparison.active
+    records = comparison.records
     where = f"at {format_angles(comparison.orientation_deg)} deg"
     envelopes = [record.envelope for record in records]
     time = envelopes[0].time

@@ -30,10 +30,10 @@ def find(run: Run) -> Findings:
     """Run both cases; the jitter of the payload without and with the isolator."""
     system = run.load()
     target = read_target(system)
+    runs = run_cases(system, run.options, target, explored=True, only=run.only)
     if run.only:
-        alone = run_cases(system, run.options, target, only=run.only)
-        return describe_alone([outcome for outcome, _ in alone], system.indices)
-    found = compare(system, run.options, target, explored=True)
+        return describe_alone([outcome for outcome, _ in runs], system.indices)
+    found = compare(target, runs)
     table = Table("Jitter of the payload: rotation by vibration, axes of P", HEADER, make_rows(found))
     rise = system.get_number("disturbance.rise_time")
     text = [

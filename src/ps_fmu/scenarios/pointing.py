@@ -12,8 +12,7 @@ from functools import partial
 import numpy as np
 from tqdm import tqdm
 
-from ..mechanism.quaternions import from_rotation_matrix, multiply
-from ..mechanism.rotations import rotation_matrix
+from ..mechanism.rotations import from_rotation_matrix, multiply, rotation_matrix
 from ..results.tables import format_tables
 from ..runs.cases import Case, Outcome, run_case
 from ..runs.options import OptionError, RunOptions

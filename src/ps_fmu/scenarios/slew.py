@@ -40,11 +40,11 @@ from .slew_record import SLEW_SIGNALS, SlewRecord
 from .slew_results import (
     ANGLES,
     CASES,
-    GROUPS,
     Slews,
     describe_reactions,
     describe_run,
     find_reactions,
+    list_groups,
     list_requirements,
     list_results,
     list_verdicts,
@@ -97,7 +97,7 @@ def find(run: Run) -> Findings:
 
     required = list_requirements(slews) if slews.on.reachable else []
     reactions = find_reactions(system, slews)
-    tables, text = [group.tabulate(slews) for group in GROUPS], describe_run(slews)
+    tables, text = [group.tabulate(slews) for group in list_groups(target)], describe_run(slews)
     shown = []
     if reactions:
         tables.insert(0, tabulate_reactions(reactions))

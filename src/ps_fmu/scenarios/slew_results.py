@@ -2,7 +2,7 @@
 
 The nominal orientation, which the coarse legs set, has to be the target, and with the isolator off so has the relative
 orientation, of the platform on the bus.  With the isolator on the latter cannot be the target: the bus has turned, and
-the payload has not.  That is a finding, with its closed form beside it (:mod:`..mechanism.reaction`).
+the payload has not.  That is a finding, with its closed form beside it (:mod:`..mechanism.momentum`).
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..interface.parameter_sets import build_plant_and_isolator
+from ..interface.start_values import build_plant_and_isolator
 from ..mechanism.kinematics import KinematicsError
+from ..mechanism.momentum import find_reaction
 from ..mechanism.parameters import ParameterError
-from ..mechanism.reaction import find_reaction
 from ..mechanism.rotations import orientation_rate_map
 from ..requirements.verdict import Answer, count_answers
 from ..results.page.content import VerdictRow
@@ -101,12 +101,12 @@ class Quantity:
 
     row: str
     key: str
-    of: Callable[[Slews, Slew], Array]
+    of: Callable[[Slew], Array]
     """(3,)."""
 
 
 @dataclass(frozen=True)
-class Group:
+class QuantityGroup:
     """Quantities of one table."""
 
     caption: str
@@ -122,69 +122,58 @@ class Group:
         if self.by_case:
             pairs.sort(key=lambda pair: pair[1])  # stable; off comes before on
         rows = [
-            (quantity.row, case, *(format_number(value, ".2e") for value in quantity.of(slews, slew)))
+            (quantity.row, case, *(format_number(value, ".2e") for value in quantity.of(slew)))
             for quantity, case, slew in pairs
         ]
         return Table(self.caption, (self.heading, "isolator", *self.columns), rows)
 
 
 ANGLES, AXES = ("roll", "pitch", "yaw"), ("x", "y", "z")
-GROUPS = (
-    Group("Orientation of the platform less target (deg)", "orientation", ANGLES, (
-        Quantity("nominal", "nominal_error_deg", lambda slews, slew: slews.error_deg(slew, ORIENTATION)),
-        Quantity("relative", "relative_error_deg", lambda slews, slew: slews.error_deg(slew, RELATIVE)),
-    )),
-    Group("What the fine legs add: it makes up for the rotation of the bus (deg)", "share", ANGLES, (
-        Quantity("relative less nominal", "relative_less_nominal_deg", lambda _, slew: np.degrees(slew.shares.fine)),
-        Quantity(
-            "+ rotation of the bus", "bus_rotation_as_orientation_deg", lambda _, slew: np.degrees(slew.shares.bus)
-        ),
-        Quantity(
-            "- rotation of the payload (jitter)", "payload_rotation_as_orientation_deg",
-            lambda _, slew: np.degrees(slew.shares.jitter),
-        ),
-        Quantity("= left over", "left_over_deg", lambda _, slew: np.degrees(slew.shares.left)),
-    ), by_case=True),
-    Group("Reaction of the bus, axes of B", "bus", AXES, (
-        Quantity("rotation, peak (rad)", "bus_rotation_peak_rad", lambda _, slew: slew.peak(BUS_ROTATION)),
-        Quantity("rotation, when judged (rad)", "bus_rotation_final_rad", lambda _, slew: slew.final(BUS_ROTATION)),
-        Quantity(
-            "angular velocity, peak (rad/s)", "bus_angular_velocity_peak_rad_per_s",
-            lambda _, slew: slew.peak(BUS_RATE),
-        ),
-        Quantity(
-            "angular acceleration, peak (rad/s2)", "bus_angular_acceleration_peak_rad_per_s2",
-            lambda _, slew: slew.peak(BUS_ANGULAR_ACCELERATION),
-        ),
-        Quantity(
-            "acceleration, peak (m/s2)", "bus_acceleration_peak_m_per_s2", lambda _, slew: slew.peak(BUS_ACCELERATION)
-        ),
-    )),
-    Group("Rotation of the payload in inertial space by vibration (jitter), axes of P (rad)", "payload", AXES, (
-        Quantity(
-            "during the profile, RMS", "payload_rotation_rms_rad", lambda _, slew: slew.during(ROTATION, "rms")
-        ),
-        Quantity(
-            "during the profile, peak", "payload_rotation_peak_rad", lambda _, slew: slew.during(ROTATION, "peak")
-        ),
-        Quantity("after it, mean", "payload_rotation_after_mean_rad", lambda _, slew: slew.after(ROTATION, "mean")),
-        Quantity(
-            "after it, RMS about the mean", "payload_rotation_after_rms_about_mean_rad",
-            lambda _, slew: slew.after(ROTATION, "std"),
-        ),
-    )),
-    Group("Fine legs", "fine legs", ("leg 1", "leg 2", "leg 3"), (
-        Quantity("displacement, peak (m)", "fine_displacement_peak_m", lambda _, slew: slew.peak(FINE)),
-        Quantity("force, peak (N)", "fine_force_peak_N", lambda _, slew: slew.peak(FORCE)),
-    )),
-)  # fmt: skip
-"""Errors, their origin, the bus's reaction, and what the slew shakes."""
+
+
+def list_groups(target: Orientation) -> tuple[QuantityGroup, ...]:
+    """Errors, their origin, the bus's reaction, and what the slew to a target (rad) shakes."""
+    q, deg, goal = Quantity, np.degrees, np.array(target)
+    return (
+        QuantityGroup("Orientation of the platform less target (deg)", "orientation", ANGLES, (
+            q("nominal", "nominal_error_deg", lambda slew: deg(slew.final(ORIENTATION) - goal)),
+            q("relative", "relative_error_deg", lambda slew: deg(slew.final(RELATIVE) - goal)),
+        )),
+        QuantityGroup("What the fine legs add: it makes up for the rotation of the bus (deg)", "share", ANGLES, (
+            q("relative less nominal", "relative_less_nominal_deg", lambda slew: deg(slew.shares.fine)),
+            q("+ rotation of the bus", "bus_rotation_as_orientation_deg", lambda slew: deg(slew.shares.bus)),
+            q("- rotation of the payload (jitter)", "payload_rotation_as_orientation_deg",
+              lambda slew: deg(slew.shares.jitter)),
+            q("= left over", "left_over_deg", lambda slew: deg(slew.shares.left)),
+        ), by_case=True),
+        QuantityGroup("Reaction of the bus, axes of B", "bus", AXES, (
+            q("rotation, peak (rad)", "bus_rotation_peak_rad", lambda slew: slew.peak(BUS_ROTATION)),
+            q("rotation, when judged (rad)", "bus_rotation_final_rad", lambda slew: slew.final(BUS_ROTATION)),
+            q("angular velocity, peak (rad/s)", "bus_angular_velocity_peak_rad_per_s",
+              lambda slew: slew.peak(BUS_RATE)),
+            q("angular acceleration, peak (rad/s2)", "bus_angular_acceleration_peak_rad_per_s2",
+              lambda slew: slew.peak(BUS_ANGULAR_ACCELERATION)),
+            q("acceleration, peak (m/s2)", "bus_acceleration_peak_m_per_s2", lambda slew: slew.peak(BUS_ACCELERATION)),
+        )),
+        QuantityGroup(
+            "Rotation of the payload in inertial space by vibration (jitter), axes of P (rad)", "payload", AXES, (
+            q("during the profile, RMS", "payload_rotation_rms_rad", lambda slew: slew.during(ROTATION, "rms")),
+            q("during the profile, peak", "payload_rotation_peak_rad", lambda slew: slew.during(ROTATION, "peak")),
+            q("after it, mean", "payload_rotation_after_mean_rad", lambda slew: slew.after(ROTATION, "mean")),
+            q("after it, RMS about the mean", "payload_rotation_after_rms_about_mean_rad",
+              lambda slew: slew.after(ROTATION, "std")),
+        )),
+        QuantityGroup("Fine legs", "fine legs", ("leg 1", "leg 2", "leg 3"), (
+            q("displacement, peak (m)", "fine_displacement_peak_m", lambda slew: slew.peak(FINE)),
+            q("force, peak (N)", "fine_force_peak_N", lambda slew: slew.peak(FORCE)),
+        )),
+    )  # fmt: skip
 
 
 def list_results(slews: Slews) -> dict[str, object]:
     """What summary.json says under ``slew``: SI units, angles of orientations in deg."""
     arrival = slews.on.arrival
-    quantities = [quantity for group in GROUPS for quantity in group.quantities]
+    quantities = [quantity for group in list_groups(slews.target) for quantity in group.quantities]
     return {
         "target_deg": slews.target_deg,
         "reachable": slews.on.reachable,
@@ -193,7 +182,7 @@ def list_results(slews: Slews) -> dict[str, object]:
         "judged_s": arrival.final_s,
         "settled_60_s": arrival.settled,
         **{
-            name: {quantity.key: quantity.of(slews, slew) for quantity in quantities}
+            name: {quantity.key: quantity.of(slew) for quantity in quantities}
             for name, slew in zip(CASES, (slews.off, slews.on), strict=True)
         },
     }

@@ -14,7 +14,7 @@ from ..cosim import Value
 from ..disturbance import DisturbanceSettings, default_settings
 from ..disturbance.turning import RPM
 from ..disturbance.wheels import WheelSource
-from ..interface.parameter_sets import build_plant_and_isolator
+from ..interface.start_values import build_plant_and_isolator
 from ..mechanism.parameters import load
 from ..mechanism.quantities import Array, Complex, ParameterError, list_entries, take_values
 from ..results.style import engineering
@@ -81,10 +81,10 @@ def find(run: Run) -> Findings:
     system = run.load(make_defaults(options.duration_s))
     wheels = read_wheels(system)
     target = read_target(system)
+    runs = run_cases(system, options, target, explored=True, history=True, only=run.only)
     if run.only:
-        alone = run_cases(system, options, target, only=run.only)
-        return describe_alone([outcome for outcome, _ in alone], system.indices)
-    found = compare(system, options, target, explored=True, history=True)
+        return describe_alone([outcome for outcome, _ in runs], system.indices)
+    found = compare(target, runs)
     cases, waterfall = analyse(system, options, found, wheels)
     jitter = Table("Jitter of the payload: rotation by vibration, axes of P", HEADER, make_rows(found))
     crossings = tabulate_crossings(cases)

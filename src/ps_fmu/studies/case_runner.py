@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from ..cosim import Column, Master, Observer, Recorder, RecorderError, SlaveError, Value
+from ..cosim import Master, Observer, Recorder, RecorderError, SlaveError, Value
 from ..cosim.checkpoint.checkpoints import Checkpoints
 from ..cosim.checkpoint.state import CheckpointError
 from ..cosim.checkpoint.warm_start import WarmStart
@@ -21,7 +21,6 @@ from ..cosim.system_json import decode_system
 from ..pointing.interpretation import Interpretation
 from ..requirements.decision import pack_distribution
 from ..requirements.requirement import read_requirements
-from ..requirements.verdict import Verdict
 from ..runs.cases import Bounds
 from ..runs.judge import RunJudge
 from ..runs.keeping import SinceStart
@@ -31,7 +30,7 @@ from ..runs.stored_rows import make_stored_names, rename_columns
 from ..terminal import reason
 from .bundle import FAULTS, INPUTS, REQUIREMENTS, SYSTEM, TASK, Task, result_versions
 from .factors import split_values
-from .observed import IndexRecord, SwitchRecord, find_signals
+from .observed import CaseRecord, find_signals
 from .rows import ANSWER, DONE, FAILED, HISTOGRAM, LONGEST_TEXT, VERDICT, Row, VersionError
 
 FATAL_STATUS = 4  # fmi2Fatal
@@ -60,7 +59,9 @@ class CaseRunner:
         """Of faults, as the last run had them."""
         self.columns = list_run_columns(system, self._descriptions, self._inputs, task.scheme, task.step_s)
         self.requirements = read_requirements(folder / REQUIREMENTS) if (folder / REQUIREMENTS).is_file() else ()
-        self._needed = list_needed(task, self.columns)
+        self._needed = {column.name for column in self.columns if column.type == "Boolean"}
+        for observed in task.observed:
+            self._needed.update(find_signals(observed, self.columns))
         self.must_end = False
         """An FMU in this process has returned fmi2Fatal: nothing more should run there (FMI 2.0.4, section 2.1.3)."""
 
@@ -116,31 +117,23 @@ class CaseRunner:
         return row
 
     def _run_all(self, values: Mapping[str, Value], file: Path | None) -> Row:
-        judge = RunJudge(self.requirements)
-        row: Row = {}
-        for name, own in self.task.runs.items():
-            needed = {*self._needed, *judge.list_signals(name, self.columns)}
-            given = {**values, **own}
-            with self.prepare(given, needed | set(() if file is None else self.task.stored)) as master:
-                records = make_records(self.task, master.columns)
-                judging = judge.observe(
-                    name, master.columns, self.task.step_s, round(self.task.duration_s / self.task.step_s)
-                )
-                watching = [self._shift(observer) for observer in (*records, *judging)]
+        task, judge, row = self.task, RunJudge(self.requirements), Row()
+        steps = round(task.duration_s / task.step_s)
+        for name, own in task.runs.items():
+            needed = {*self._needed, *judge.list_signals(name, self.columns), *(() if file is None else task.stored)}
+            given, source = {**values, **own}, self._sources.get(name)
+            with self.prepare(given, needed) as master:
+                record = CaseRecord(task.observed, master.columns, task.step_s)
+                watching: list[Observer] = [
+                    *record.observers, *judge.observe(name, master.columns, task.step_s, steps)
+                ]  # fmt: skip
+                if self._began is not None:  # they are told times since the start of the run
+                    watching = [SinceStart(observer, task.step_s) for observer in watching]
+                begin = None if source is None else Checkpoints(None, source=source.giving(given.keys()))
                 with self._make_recorder(name, master, file) as recorders:
-                    observers = [Bounds(master.columns), *watching, *recorders]
-                    master.run(self.task.duration_s, observers, checkpoints=self._begin(name, given))
-            row |= {f"{name}.{key}": value for record in records for key, value in record.metrics().items()}
+                    master.run(task.duration_s, [Bounds(master.columns), *watching, *recorders], checkpoints=begin)
+            row |= {f"{name}.{key}": value for key, value in record.metrics().items()}
         return row | describe_verdicts(judge)
-
-    def _begin(self, run: str, given: Mapping[str, Value]) -> Checkpoints | None:
-        """What has a run begin in the state of its checkpoint; None where it has none."""
-        source = self._sources.get(run)
-        return None if source is None else Checkpoints(None, source=source.giving(given.keys()))
-
-    def _shift(self, observer: Observer) -> Observer:
-        """An observer that is told times since the start of the run."""
-        return observer if self._began is None else SinceStart(observer, self.task.step_s)
 
     def _is_fatal(self, error: Exception) -> bool:
         if not isinstance(error, SlaveError) or error.status != FATAL_STATUS:
@@ -176,28 +169,13 @@ def store(path: Path | None) -> Iterator[Path | None]:
     written = path.with_name(f".{path.stem}.part")
     written.unlink(missing_ok=True)
     try:
-        try:
-            yield written
-        except (RecorderError, OSError):
-            raise
-        except Exception:
-            if written.exists():
-                written.replace(path)
-            raise
-        written.replace(path)
-    finally:
+        yield written
+    except (RecorderError, OSError):
         written.unlink(missing_ok=True)
-
-
-def make_records(task: Task, columns: tuple[Column, ...]) -> list[IndexRecord | SwitchRecord]:
-    """The observers of a run whose metrics go into a row."""
-    return [*(IndexRecord(observed, columns, task.step_s) for observed in task.observed), SwitchRecord(columns)]
-
-
-def list_needed(task: Task, columns: Sequence[Column]) -> set[str]:
-    """Names of the columns that these records look at."""
-    switches = {column.name for column in columns if column.type == "Boolean"}
-    return switches.union(*(find_signals(observed, columns) for observed in task.observed))
+        raise
+    finally:
+        if written.exists():
+            written.replace(path)
 
 
 def describe_verdicts(judge: RunJudge) -> Row:
@@ -208,21 +186,14 @@ def describe_verdicts(judge: RunJudge) -> Row:
     """
     row: Row = {}
     for verdict in judge.conclude():
-        row |= _describe_verdict(verdict)
+        place, stated = f"{VERDICT}{verdict.requirement.name}/{verdict.case}/{verdict.signal}", verdict.statement
+        row[f"{place}{ANSWER}"] = verdict.answer.value
+        row[f"{place}/value"] = None if stated is None else verdict.convert(stated.value)
+        row[f"{place}/bound"] = None if stated is None else verdict.convert(stated.bound)
     for requirement, run, label, found in judge.list_distributions():
         if requirement.interpretation is Interpretation.MIXED:
             row[f"{VERDICT}{requirement.name}/{run}/{label}{HISTOGRAM}"] = pack_distribution(found)
     return row
-
-
-def _describe_verdict(verdict: Verdict) -> Row:
-    place = f"{VERDICT}{verdict.requirement.name}/{verdict.case}/{verdict.signal}"
-    stated = verdict.statement
-    return {
-        f"{place}{ANSWER}": verdict.answer.value,
-        f"{place}/value": None if stated is None else verdict.convert(stated.value),
-        f"{place}/bound": None if stated is None else verdict.convert(stated.bound),
-    }
 
 
 def check_versions(expected: Mapping[str, str]) -> None:

@@ -37,6 +37,7 @@ BATCHES_PER_THREAD = 2  # in flight: one runs, one waits at the worker
 MOST_IN_BATCH = 200
 CONNECT_S = 10.0
 """That a scheduler may take to answer: it is asked again until then, so that it may be started at the same time."""
+ANSWER_S = 2.0  # that a scheduler may take to say which workers it has; else what it said before holds
 WATCH_S = 1.0  # between looks at whether the scheduler has workers at all
 NO_WORKER_S = 60.0  # that workers may take to come, or to come back
 CLOSE_S = 60.0  # that a connection or a cluster may take to close: processes that are stopped do not answer
@@ -146,6 +147,7 @@ class Dispatcher:
         self._output, self._store = output, RowStore(output, plan_hash)
         self._stored: frozenset[int] = frozenset()
         self._finished, self._spent_s = 0, 0.0
+        self._threads = 0
         self._idle_since: float | None = None
         """Since when there has been no worker."""
 
@@ -257,13 +259,15 @@ class Dispatcher:
 
     def _count_threads(self) -> int:
         """Of all workers.  Raises :class:`.rows.ClusterError` if there have been no workers for long."""
-        with self._notice_loss():
-            threads = sum(self._client.nthreads().values())
+        # Without a limit a client asks a scheduler that has just ended for as long as one may take to answer.
+        with self._notice_loss(), suppress(TimeoutError):
+            found = self._client.sync(self._client.scheduler.ncores, callback_timeout=ANSWER_S)
+            self._threads = sum(found.values())
         now = time.monotonic()
-        self._idle_since = None if threads else self._idle_since or now
+        self._idle_since = None if self._threads else self._idle_since or now
         if self._idle_since is not None and now - self._idle_since > NO_WORKER_S:
             raise ClusterError(f"the scheduler {self._address} has had no worker for {NO_WORKER_S:g} s")
-        return threads
+        return self._threads
 
     @contextmanager
     def _notice_loss(self) -> Iterator[None]:

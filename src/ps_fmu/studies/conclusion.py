@@ -6,11 +6,10 @@ import json
 import math
 import shlex
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 
 import msgspec
-import numpy as np
 
 from ..pointing.confidence import Statement
 from ..requirements.requirement import read_requirements
@@ -21,7 +20,6 @@ from ..results.report import Report
 from ..results.summary import FmuFile, plain, versions
 from ..results.tables import Table
 from ..slavekit.pack.files import write_atomically
-from .factors import Factor
 from .figures import draw_all
 from .outcome import (
     CONFIDENCE,
@@ -29,14 +27,9 @@ from .outcome import (
     Compliance,
     Influence,
     Outcome,
-    Output,
-    Percentiles,
     collect,
     count_statuses,
-    find_compliance,
     find_failed,
-    find_influences,
-    find_percentiles,
     find_worst,
 )
 from .preparation import list_columns
@@ -44,6 +37,9 @@ from .rows import SIGNALS, list_stored
 from .study import LATIN, SAMPLES, SOBOL
 from .sweep import Prepared, SweepOptions
 
+MEASURES = {
+    "sobol_total": "total Sobol' index", "morris_mu_star": "Morris' mean magnitude", "": "rank correlation"
+}  # fmt: skip
 WORST_SHOWN = 1000  # of a study that is too large for the page: these are there in any case
 MOST_METRICS = 60
 CAPTION = (
@@ -56,92 +52,69 @@ MOST_ROWS = 40  # of a table on the page; all are in summary.json
 STRONGEST = 5  # factors in a row of the ranking
 
 
-def tabulate_cases(
-    outcome: Outcome, percentiles: Sequence[Percentiles], influences: Sequence[Influence], command: tuple[str, str]
-) -> CaseTable | None:
+def tabulate_cases(outcome: Outcome, command: tuple[str, str]) -> CaseTable | None:
     """All cases; None where none has a number.
 
     ``command``: the texts before and after the number of a case in the command that runs it again.
     """
-    stated = {one.output.name: one for one in percentiles}
-    strengths = {one.output.name: one for one in influences}
-    shown = list(dict.fromkeys([*outcome.headlines, *outcome.outputs]))
-    metrics = [
-        _make_metric(outcome, output, stated[output.name], strengths.get(output.name))
-        for output in shown if output.name in stated
-    ][:MOST_METRICS]  # fmt: skip
-    if not metrics:
+    stated = {one.output.name: one for one in outcome.percentiles}
+    rankings = {one.output.name: one.ranking[1].tolist() for one in outcome.influences}
+    shown = [output for output in dict.fromkeys([*outcome.headlines, *outcome.outputs]) if output.name in stated]
+    if not shown:
         return None
-    parameters = [_make_parameter(factor, outcome, place) for place, factor in enumerate(outcome.plan.factors)]
-    measures = influences[0].measures if influences else {}
-    names = {"sobol_total": "total Sobol\u2019 index", "morris_mu_star": "Morris\u2019 mean magnitude"}
-    return CaseTable(
-        "Cases",
-        CAPTION,
-        parameters,
-        metrics,
-        next((text for name, text in names.items() if name in measures), "rank correlation"),
-        command,
-        {case: f"{status}: {error.splitlines()[0] if error else ''}" for case, status, error in find_failed(outcome)},
-        [case for case, _, _ in find_worst(outcome, WORST_SHOWN)],
-    )
-
-
-def _make_parameter(factor: Factor, outcome: Outcome, place: int) -> CaseColumn:
-    texts = [level for level in factor.levels if isinstance(level, str)]
-    return CaseColumn(factor.name, factor.unit, outcome.plan.draws[:, place], texts)
-
-
-def _make_metric(outcome: Outcome, output: Output, stated: Percentiles, influence: Influence | None) -> CaseColumn:
-    marks = [Mark(f"{100.0 * (one.probability or 0.0):g} %", one.value) for one in stated.stated]
-    ranking: list[float] = []
-    if influence is not None:
-        values = next(
-            (influence.measures[name] for name in ("sobol_total", "morris_mu_star") if name in influence.measures),
-            influence.rank_correlation,
+    parameters = [
+        CaseColumn(factor.name, factor.unit, draws, [level for level in factor.levels if isinstance(level, str)])
+        for factor, draws in zip(outcome.plan.factors, outcome.plan.draws.T, strict=True)
+    ]
+    metrics = [
+        CaseColumn(
+            output.title, output.unit, outcome.values(output), (), output.limit,
+            [Mark(f"{100.0 * (one.probability or 0.0):g} %", one.value) for one in stated[output.name].stated],
+            rankings.get(output.name, []),
         )
-        ranking = np.asarray(values, dtype=float).tolist()
-    return CaseColumn(output.title, output.unit, outcome.values(output), (), output.limit, marks, ranking)
+        for output in shown[:MOST_METRICS]
+    ]  # fmt: skip
+    failed = {case: f"{status}: {_cut(error)}" for case, status, error in find_failed(outcome)}
+    worst = [case for case, _, _ in find_worst(outcome, WORST_SHOWN)]
+    return CaseTable("Cases", CAPTION, parameters, metrics, name_measure(outcome), command, failed, worst)
 
 
-@dataclass(frozen=True, eq=False)
-class Conclusion:
-    """The statistics of a study."""
+def name_measure(outcome: Outcome) -> str:
+    """What factors are ranked by, in words."""
+    return MEASURES[outcome.influences[0].ranking[0] if outcome.influences else ""]
 
-    outcome: Outcome
-    percentiles: Sequence[Percentiles]
-    compliance: Sequence[Compliance]
-    influences: Sequence[Influence]
+
+def _cut(error: str) -> str:
+    """Its first line."""
+    return error.splitlines()[0] if error else ""
 
 
 def conclude(options: SweepOptions, prepared: Prepared, folder: Path) -> str:
     """Write ``study.parquet``, summary.json, figures and study.html; the text for the terminal.  Raises ``OSError``."""
     study = prepared.plan.study
     requirements = () if study.requirements is None else read_requirements(study.requirements)
-    columns = list_columns(prepared.plan.study, prepared.system)
+    columns = list_columns(study, prepared.system)
     outcome = collect(folder, prepared.plan, prepared.identity.plan_sha256, columns, requirements)
-    found = Conclusion(
-        outcome, find_percentiles(outcome), find_compliance(outcome), find_influences(outcome)
-    )
-    tables = make_tables(found, options)
-    notes = [*list_notes(found), *describe_signals(folder)]
-    warnings = [*list_warnings(found), *prepared.system.warnings.texts]
-    content = plain(summarise(found, prepared, options), "summary")
+    about, tables = describe_study(outcome), make_tables(outcome, options)
+    notes = [*list_notes(outcome), *describe_signals(folder)]
+    warnings = [*list_warnings(outcome), *prepared.system.warnings.texts]
+    content = plain(summarise(outcome, prepared, options), "summary")
     write_atomically(folder / SUMMARY, json.dumps(content, indent=2, allow_nan=False) + "\n")
-    shown = tabulate_cases(outcome, found.percentiles, found.influences, split_command(options))
+    cases = tabulate_cases(outcome, split_command(options))
+    headlines = len({one.output.name for one in outcome.percentiles} & {one.name for one in outcome.headlines})
     Report(
         title=study.name,
-        text=[describe_study(found), *notes],
+        text=[about, *notes],
         warnings=warnings,
         tables=tables,
-        explored=Exploration(cases=shown),
-        pictures=draw_all(outcome, folder, found.percentiles, found.influences),
+        explored=Exploration(cases=cases),
+        pictures=[] if cases is None else draw_all(cases, headlines, folder),
         parameters=describe_parameters(outcome),
         fmus=[FmuFile(name, sha256) for name, sha256 in prepared.identity.fmus.items()],
         versions=versions(),
     ).write(folder / REPORT)
     texts = [f"{table.caption}\n{table.to_text()}" for table in tables]
-    return "\n\n".join([describe_study(found), *texts, *notes, *warnings, f"results in {folder}"])
+    return "\n\n".join([about, *texts, *notes, *warnings, f"results in {folder}"])
 
 
 def split_command(options: SweepOptions) -> tuple[str, str]:
@@ -155,10 +128,10 @@ def command_of_case(options: SweepOptions, case: int) -> str:
     return str(case).join(split_command(options))
 
 
-def describe_study(found: Conclusion) -> str:
+def describe_study(outcome: Outcome) -> str:
     """What was done, in a sentence or two."""
-    plan, study = found.outcome.plan, found.outcome.plan.study
-    counts = count_statuses(found.outcome)
+    plan, study = outcome.plan, outcome.plan.study
+    counts = count_statuses(outcome)
     states = ", ".join(f"{count} {status}" for status, count in counts.items())
     runs = f" of {len(study.runs)} runs ({', '.join(study.runs)})" if len(study.runs) > 1 else ""
     return (
@@ -177,9 +150,9 @@ def describe_signals(folder: Path) -> list[str]:
     return [f"Signals of {what} in the folder {SIGNALS}: {named}."]
 
 
-def list_notes(found: Conclusion) -> list[str]:
+def list_notes(outcome: Outcome) -> list[str]:
     """How to read the tables."""
-    plan = found.outcome.plan.study.plan
+    plan = outcome.plan.study.plan
     if plan not in SAMPLES:
         return [
             f"The plan {plan!r} is no sample of the dispersed system: percentiles and shares are those of its points, "
@@ -193,20 +166,20 @@ def list_notes(found: Conclusion) -> list[str]:
     return []
 
 
-def list_warnings(found: Conclusion) -> list[str]:
+def list_warnings(outcome: Outcome) -> list[str]:
     """What should make the reader careful."""
-    failed = len(found.outcome.table) - int(found.outcome.done.sum())
+    failed = len(outcome.table) - int(outcome.done.sum())
     return [f"{failed} cases have no result: they count as not meeting any requirement."] if failed else []
 
 
-def make_tables(found: Conclusion, options: SweepOptions) -> list[Table]:
+def make_tables(outcome: Outcome, options: SweepOptions) -> list[Table]:
     """The tables of terminal and page; empty ones are left out."""
     tables = [
-        _tabulate_compliance(found.compliance),
-        _tabulate_worst(found.outcome, options),
-        _tabulate_failed(found.outcome, options),
-        _tabulate_percentiles(found),
-        _tabulate_ranking(found),
+        _tabulate_compliance(outcome.compliance),
+        _tabulate_worst(outcome, options),
+        _tabulate_failed(outcome, options),
+        _tabulate_percentiles(outcome),
+        _tabulate_ranking(outcome),
     ]
     return [table for table in tables if table.rows]
 
@@ -249,16 +222,16 @@ def _tabulate_worst(outcome: Outcome, options: SweepOptions) -> Table:
 
 def _tabulate_failed(outcome: Outcome, options: SweepOptions) -> Table:
     rows = [
-        (str(case), status, error.splitlines()[0] if error else "", command_of_case(options, case))
+        (str(case), status, _cut(error), command_of_case(options, case))
         for case, status, error in find_failed(outcome)[:MOST_ROWS]
     ]
     return Table("Cases without a result", ("case", "status", "error", "run it again"), rows)
 
 
-def _tabulate_percentiles(found: Conclusion) -> Table:
-    shown = {output.name for output in found.outcome.headlines}
+def _tabulate_percentiles(outcome: Outcome) -> Table:
+    shown = {output.name for output in outcome.headlines}
     rows: list[tuple[str, ...]] = []
-    for one in found.percentiles:
+    for one in outcome.percentiles:
         if one.output.name in shown and len(rows) < MOST_ROWS:
             cells = [
                 f"{stated.value:.4g}" + (f" ({stated.lower:.4g} to {stated.upper:.4g})" if _is_bounded(stated) else "")
@@ -270,24 +243,31 @@ def _tabulate_percentiles(found: Conclusion) -> Table:
     return Table(f"Percentiles over the cases, with {100 * CONFIDENCE:g} % intervals", header, rows)
 
 
-def _tabulate_ranking(found: Conclusion) -> Table:
-    shown = {output.name for output in found.outcome.headlines}
-    names = [factor.name for factor in found.outcome.plan.factors]
-    rows: list[tuple[str, ...]] = []
-    for influence in found.influences:
-        if influence.output.name in shown and len(rows) < MOST_ROWS:
-            order = influence.strength.argsort()[::-1][:STRONGEST]
-            rows.append((influence.output.title, ", ".join(_describe_influence(influence, names, i) for i in order)))
-    return Table("What the outputs depend on, the strongest first", ("output", _name_measure(found)), rows)
+def _tabulate_ranking(outcome: Outcome) -> Table:
+    shown = {output.name for output in outcome.headlines}
+    ranked = [influence for influence in outcome.influences if influence.output.name in shown][:MOST_ROWS]
+    rows = [
+        (one.output.title, ", ".join(_describe_influence(one, outcome, place) for place in one.order[:STRONGEST]))
+        for one in ranked
+    ]
+    header = name_measure(outcome) + (" (first order)" if ranked and "sobol_total" in ranked[0].measures else "")
+    return Table("What the outputs depend on, the strongest first", ("output", header), rows)
 
 
-def summarise(found: Conclusion, prepared: Prepared, options: SweepOptions) -> dict[str, object]:
+def _describe_influence(influence: Influence, outcome: Outcome, place: int) -> str:
+    (measure, values), name = influence.ranking, outcome.plan.factors[place].name
+    if measure == "sobol_total":
+        return f"{name} {values[place]:.2f} ({influence.measures['sobol_first'][place]:.2f})"
+    return f"{name} {values[place]:.3g}" if measure else f"{name} {values[place]:+.2f}"
+
+
+def summarise(outcome: Outcome, prepared: Prepared, options: SweepOptions) -> dict[str, object]:
     """The content of summary.json."""
-    names = [factor.name for factor in found.outcome.plan.factors]
+    names = [factor.name for factor in outcome.plan.factors]
     return {
-        "study": found.outcome.plan.study.name,
+        "study": outcome.plan.study.name,
         "identity": msgspec.structs.asdict(prepared.identity),
-        "statuses": count_statuses(found.outcome),
+        "statuses": count_statuses(outcome),
         "confidence": CONFIDENCE,
         "requirements": [
             {
@@ -298,7 +278,7 @@ def summarise(found: Conclusion, prepared: Prepared, options: SweepOptions) -> d
                 "interpretation": one.output.requirement and one.output.requirement.interpretation.value,
                 "over_all_cases": None if one.pooled is None else {**asdict(one.pooled), "verdict": one.answer},
             }
-            for one in found.compliance
+            for one in outcome.compliance
         ],
         "outputs": {
             one.output.name: {
@@ -309,21 +289,21 @@ def summarise(found: Conclusion, prepared: Prepared, options: SweepOptions) -> d
                      "bound": s.bound} for s in one.stated
                 ],
             }
-            for one in found.percentiles
+            for one in outcome.percentiles
         },
         "worst": [
             {"case": case, "output": output.name, "value": value, "command": command_of_case(options, case)}
-            for case, value, output in find_worst(found.outcome)
+            for case, value, output in find_worst(outcome)
         ],
         "failed": [
-            {"case": case, "status": status, "error": error} for case, status, error in find_failed(found.outcome)
+            {"case": case, "status": status, "error": error} for case, status, error in find_failed(outcome)
         ],
         "sensitivity": {
             influence.output.name: {
                 "rank_correlation": dict(zip(names, influence.rank_correlation.tolist(), strict=True)),
                 **{name: dict(zip(names, values.tolist(), strict=True)) for name, values in influence.measures.items()},
             }
-            for influence in found.influences
+            for influence in outcome.influences
         },
         "versions": versions(),
     }  # fmt: skip
@@ -348,19 +328,3 @@ def describe_parameters(outcome: Outcome) -> dict[str, object]:
 
 def _is_bounded(stated: Statement) -> bool:
     return math.isfinite(stated.lower) and math.isfinite(stated.upper)
-
-
-def _name_measure(found: Conclusion) -> str:
-    measures = found.influences[0].measures if found.influences else {}
-    if "sobol_total" in measures:
-        return "total Sobol' index (first order)"
-    return "Morris' mean magnitude" if "morris_mu_star" in measures else "rank correlation"
-
-
-def _describe_influence(influence: Influence, names: Sequence[str], i: int) -> str:
-    if "sobol_total" in influence.measures:
-        total, first = (influence.measures[name][i] for name in ("sobol_total", "sobol_first"))
-        return f"{names[i]} {total:.2f} ({first:.2f})"
-    if "morris_mu_star" in influence.measures:
-        return f"{names[i]} {influence.measures['morris_mu_star'][i]:.3g}"
-    return f"{names[i]} {influence.rank_correlation[i]:+.2f}"

@@ -15,7 +15,7 @@ from ..cosim.conversion import has_exact_start
 from ..cosim.description import convert_value, explain_unsettable, get_unit, index_variables, read_start
 from ..cosim.faults.numbers import find_number
 from ..cosim.graph import Wiring
-from ..cosim.signals import bind_signals, list_ways
+from ..cosim.signals import bind_signals, convert_input
 from ..cosim.structure import split_port, suggest_names
 from ..cosim.values import list_items
 from ..requirements.quantity import Quantity, parse_quantity
@@ -206,7 +206,7 @@ def _list_inputs(vary: Vary, system: RunSystem) -> dict[str, tuple[str, ...]]:
     found: dict[str, tuple[str, ...]] = {}
     for item in system.structure.inputs:
         if item.name in vary.parameter:
-            for port, conversion in list_ways(system.structure, item, system.descriptions):
+            for port, conversion in convert_input(system.structure, item, system.descriptions)[1]:
                 if not conversion.changes_nothing:
                     text = f"the value of the system's input {item.name!r} is converted for {port}: vary {port} instead"
                     raise vary.error("parameter", text)

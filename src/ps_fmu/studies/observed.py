@@ -207,3 +207,15 @@ class SwitchRecord:
         """``SIGNAL.share`` of each."""
         shares = self._true / max(self._rows, 1)
         return {f"{name}.share": float(share) for name, share in zip(self._places, shares, strict=True)}
+
+
+class CaseRecord:
+    """What a run of a case is observed by; its metrics go into the row."""
+
+    def __init__(self, observed: Sequence[Observed], columns: tuple[Column, ...], step_s: float) -> None:
+        indices = [IndexRecord(one, columns, step_s) for one in observed]
+        self.observers: list[IndexRecord | SwitchRecord] = [*indices, SwitchRecord(columns)]
+
+    def metrics(self) -> dict[str, float]:
+        """By name."""
+        return {name: value for record in self.observers for name, value in record.metrics().items()}

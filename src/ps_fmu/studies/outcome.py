@@ -9,6 +9,7 @@ import io
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -81,6 +82,21 @@ class Outcome:
         if output.name not in self.table:
             return np.full(len(self.table), np.nan)
         return np.asarray(self.table[output.name].to_numpy(dtype=float, na_value=np.nan))
+
+    @cached_property
+    def percentiles(self) -> list[Percentiles]:
+        """Of all outputs that some case has."""
+        return find_percentiles(self)
+
+    @cached_property
+    def compliance(self) -> list[Compliance]:
+        """Of each requirement, signal and run."""
+        return find_compliance(self)
+
+    @cached_property
+    def influences(self) -> list[Influence]:
+        """Of all outputs that vary."""
+        return find_influences(self)
 
     @property
     def headlines(self) -> tuple[Output, ...]:
@@ -326,12 +342,18 @@ class Influence:
     """``sobol_first`` and ``sobol_total`` with their ``_low`` and ``_high``, ``morris_mu_star``, ``morris_sigma``."""
 
     @property
-    def strength(self) -> Array:
-        """What factors are ranked by: the total Sobol' index, Morris' mu*, or the magnitude of the correlation."""
+    def ranking(self) -> tuple[str, Array]:
+        """What factors are ranked by, and its values: total Sobol' index, Morris' mu*, or the rank correlation."""
         for name in ("sobol_total", "morris_mu_star"):
             if name in self.measures:
-                return np.asarray(np.abs(self.measures[name]))
-        return np.asarray(np.nan_to_num(np.abs(self.rank_correlation)))
+                return name, self.measures[name]
+        return "", self.rank_correlation
+
+    @property
+    def order(self) -> list[int]:
+        """Places of the factors, the strongest first."""
+        strength = np.nan_to_num(np.abs(self.ranking[1]))
+        return [int(place) for place in strength.argsort()[::-1]]
 
 
 def find_influences(outcome: Outcome) -> list[Influence]:

@@ -15,7 +15,6 @@ from ..cosim import Column, CosimError, UsageError, Value
 from ..cosim.checkpoint.warm_start import WarmStart
 from ..cosim.clock import StepClock
 from ..cosim.columns import list_run_columns
-from ..cosim.description import read_descriptions
 from ..cosim.errors import MissingFmuError
 from ..cosim.faults.binding import bind_faults
 from ..cosim.faults.numbers import change_numbers
@@ -30,7 +29,7 @@ from ..runs.built_fmus import find_built_folder, is_own, list_models, provide_fm
 from ..runs.keeping import find_source
 from ..runs.options import OptionError, RunOptions
 from ..runs.scenario import Scenario
-from ..runs.setup import SCHEME, ColumnsError, RunSystem, load_system
+from ..runs.setup import SCHEME, ColumnsError, RunSystem, load_system, read_files
 from .bundle import FAULTS, FMUS, INPUTS, REQUIREMENTS, SYSTEM, TASK, Bundle, Sources, Task, result_versions
 from .factors import names_faults, split_values
 from .observed import check_signals, check_windows, find_columns, find_signals
@@ -88,27 +87,20 @@ def choose_fmus(study: Study, folder: Path | None) -> Path | None:
     return own
 
 
-def choose_step(study: Study) -> Study:
-    """The study with the step of its system, or else of its FMUs, where it states none itself.
-
-    Raises CosimError for a system that cannot be read.
-    """
-    if study.states_step:
-        return study
-    system = read_any_system(study.system, study.fmus, outside=study.outside)
-    stated = complete_experiment(system, read_descriptions(system, lenient=True)).step
-    return study if stated is None else replace(study, step_s=stated)
-
-
-def load_study_system(study: Study) -> RunSystem:
+def load_study_system(study: Study) -> tuple[Study, RunSystem]:
     """The system of a study; requirements, signals and windows are checked against it.
 
-    Start values are those that the FMUs take, behind all bindings, mappings and units.
+    Start values are those that the FMUs take, behind all bindings, mappings and units.  The study has the step of its
+    system, or else of its FMUs, where it states none itself.
 
     Raises :class:`.study.StudyError`, and :class:`..cosim.CosimError` for a system that cannot be read.
     """
     try:
-        system = load_system(make_options(study, Path()))
+        files = read_files(make_options(study, Path()))
+        stated = complete_experiment(files.structure, files.descriptions).step
+        if not study.states_step and stated is not None:
+            study = replace(study, step_s=stated)
+        system = load_system(make_options(study, Path()), files=files)
     except OptionError as error:
         text = str(error)
         if text.startswith(SCHEME):
@@ -128,7 +120,7 @@ def load_study_system(study: Study) -> RunSystem:
         check_windows(observed, study.step_s, study.duration_s)
     if study.signals is not None:
         check_signals(study.signals, columns, study.step_s, study.duration_s)
-    return system
+    return study, system
 
 
 def list_columns(study: Study, system: RunSystem) -> tuple[Column, ...]:

@@ -92,11 +92,6 @@ class RowStore:
         """The status of each case that has a row."""
         return {row["case"]: row["status"] for row in self.read()}
 
-    def list_missing(self, cases: int) -> list[int]:
-        """Those of the cases from 0 on that have no row, in order."""
-        done = self.read_statuses()
-        return [case for case in range(cases) if case not in done]
-
     def read_table(self) -> Any:
         """All rows as a ``pyarrow.Table``, without histograms, which are some kilobytes a case; None without rows.
 

@@ -1,43 +1,5 @@
 """A study as its TOML file states it.  docs/studies.md explains every key.
 
-::
-
-    [study]
-    duration = "10 s"
-    plan = "latin-hypercube"
-    cases = 200
-    seed = 1
-    requirements = "requirements.toml"
-
-    [runs.passive]
-    "isolator.enabled" = false
-    [runs.active]
-    "isolator.enabled" = true
-
-    [[vary]]
-    parameter = "payload.mass"        # of every component that has it ...
-    only = ["plant"]                  # ... or of these: the controllers do not know
-    distribution = "normal"
-    relative = "2 %"                  # sigma over what the system starts with; or sigma = "1 kg"
-    low = "45 kg"                     # truncated
-
-    [[correlate]]
-    parameters = ["payload.mass", "payload.inertia.xx"]
-    rank = 0.8
-
-    [[observe]]
-    signal = "plant.payload_rotation"
-    index = ["APE", "RPE"]
-    window = "1 s"
-    at = "uniform"
-
-    [signals]
-    variables = ["plant.payload_rotation", "isolator.*"]   # as of --observe
-    step = "1 ms"                                          # between stored rows
-    cases = "all"                                          # or a list such as [0, 17]
-    every = 100                                            # and each hundredth, from case 0 on
-    worst = 5                                              # and these, when all are done
-
 Whether the names in it exist is seen when the system is read.
 """
 

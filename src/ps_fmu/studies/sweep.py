@@ -12,7 +12,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from ..cosim import Column
 from ..cosim.faults.numbers import change_numbers
 from ..requirements.requirement import read_requirements
 from ..requirements.verdict import format_verdicts
@@ -26,17 +25,16 @@ from ..runs.output import hold_folder, lock_folder
 from ..runs.publish import show_verdict
 from ..runs.setup import RunSystem, identify_fmus
 from ..slavekit.pack.files import write_atomically
-from .bundle import Bundle, Identity, Task, explain_difference, read_identity
-from .case_runner import describe_verdicts, make_records
+from .bundle import Bundle, Identity, explain_difference, read_identity
+from .case_runner import describe_verdicts
 from .factors import names_faults, split_values
-from .observed import IndexRecord, SwitchRecord, check_size
+from .observed import CaseRecord, check_size
 from .outcome import collect, find_worst
 from .plan import Plan, make_plan
 from .preparation import (
     check_numbers,
     check_sources,
     choose_fmus,
-    choose_step,
     complete_observed,
     keep_seeds,
     list_columns,
@@ -151,8 +149,7 @@ def prepare(options: SweepOptions) -> Prepared:
     Raises :class:`.study.StudyError`, :class:`..cosim.CosimError`, BuildError, OSError.
     """
     study = read_study(options.study)
-    study = choose_step(replace(study, fmus=choose_fmus(study, options.fmus)))
-    system = load_study_system(study)
+    study, system = load_study_system(replace(study, fmus=choose_fmus(study, options.fmus)))
     sources = read_sources(study)
     system = keep_seeds(study, system, sources)
     plan = make_plan(complete_observed(study, system), system)
@@ -234,22 +231,6 @@ def _show_progress(options: SweepOptions, name: str, cases: int, done: int) -> I
         yield report
 
 
-class CaseRecord:
-    """What a run of a case is observed by; its metrics go into the row."""
-
-    def __init__(self, task: Task, columns: tuple[Column, ...]) -> None:
-        self._records = make_records(task, columns)
-
-    @property
-    def observers(self) -> list[IndexRecord | SwitchRecord]:
-        """For the master."""
-        return self._records
-
-    def metrics(self) -> Row:
-        """By name."""
-        return {key: value for record in self._records for key, value in record.metrics().items()}
-
-
 def rerun(options: SweepOptions, case: int) -> str:
     """Run case ``case`` of a study; the text for the terminal.
 
@@ -301,7 +282,6 @@ def _run(options: SweepOptions, prepared: Prepared, case: int, folder: Path) -> 
     )  # fmt: skip
     (folder / RESULTS).unlink(missing_ok=True)
     system = prepared.system
-    task = Task(step_s=study.step_s, duration_s=study.duration_s, scheme=study.scheme, runs={}, observed=study.observed)
     values = prepared.plan.values(case)
     starts, numbers = split_values(values, system.descriptions)
     if system.faults is not None:
@@ -310,7 +290,8 @@ def _run(options: SweepOptions, prepared: Prepared, case: int, folder: Path) -> 
     tables = []
     for run, own in study.runs.items():
         _, record = run_case(
-            system, run_options, Case(run, {**starts, **own}), lambda columns: CaseRecord(task, columns)
+            system, run_options, Case(run, {**starts, **own}),
+            lambda columns: CaseRecord(study.observed, columns, study.step_s),
         )
         metrics = record.metrics()
         row |= {f"{run}.{key}": value for key, value in metrics.items()}

@@ -1,18 +1,11 @@
-from dataclasses import dataclass
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from ps_fmu.results.observers.arrival import ArrivalObserver
 
-
-@dataclass(frozen=True)
-class Column:
-    name: str
-    unit: str
-
-
-COLUMNS = [Column("a", "rad"), Column("moving", "1"), Column("b", "m")]
+COLUMNS = [SimpleNamespace(name=name, unit="1") for name in ("a", "moving", "b")]
 STEP = 0.1
 
 

@@ -1,7 +1,6 @@
-"""Observers in a batch see what they see alone, however the run is cut, and go on from a state to the same bits."""
+"""Observers in a batch see what they see alone, however the run is cut."""
 
 import numpy as np
-import pytest
 
 from ps_fmu.results.observers.bins import EnvelopeObserver
 from ps_fmu.results.observers.observer import BATCH_ROWS, Batch
@@ -28,10 +27,9 @@ def make():
     return Batch(COLUMNS, members), members
 
 
-def feed(observer, first=0, last=None, length=900):
-    last = len(VALUES) if last is None else last
-    for begin in range(first, last, length):
-        block = VALUES[begin : min(begin + length, last)].copy()
+def feed(observer, length=900):
+    for begin in range(0, len(VALUES), length):
+        block = VALUES[begin : begin + length].copy()
         observer.block(begin, np.arange(begin, begin + len(block)) * STEP, block)
         block[:] = np.nan
 
@@ -66,27 +64,3 @@ def test_blocks_of_other_lengths_give_the_same_bits():
     for other in found[1:]:
         for one, two in zip(found[0], other, strict=True):
             np.testing.assert_array_equal(one, two)
-
-
-@pytest.mark.parametrize("rows", [0, 900, BATCH_ROWS, BATCH_ROWS + 4500])
-def test_a_batch_goes_on_from_its_state(rows):
-    whole, expected = make()
-    feed(whole)
-    first, _ = make()
-    feed(first, last=rows)
-    second, members = make()
-    second.load_state(first.save_state())
-    feed(second, first=rows)
-    for one, two in zip(results(members), results(expected), strict=True):
-        np.testing.assert_array_equal(one, two)
-
-
-def test_states_that_do_not_fit_are_refused():
-    batch, _ = make()
-    feed(batch, last=30)
-    state = batch.save_state()
-    for wrong in ({"rows": {"held": state["rows"]["held"][:2]}}, {"members": state["members"][:2]}):
-        with pytest.raises(ValueError, match=r"held|members"):
-            make()[0].load_state({**state, **wrong})
-    with pytest.raises(KeyError):
-        make()[0].load_state({"times": state["times"], "rows": state["rows"]})

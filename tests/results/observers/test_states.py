@@ -12,6 +12,7 @@ from ps_fmu.requirements.record import RequirementRecord
 from ps_fmu.requirements.requirement import read_requirements
 from ps_fmu.results.observers.arrival import ArrivalObserver
 from ps_fmu.results.observers.bins import EnvelopeObserver, MeanObserver
+from ps_fmu.results.observers.observer import Batch
 from ps_fmu.results.observers.sampler import HistoryObserver, LastRow, SampleObserver
 from ps_fmu.results.observers.scatter import ScatterObserver
 from ps_fmu.results.observers.statistics import DriftObserver, Statistics
@@ -51,6 +52,7 @@ MAKERS = {
     "welch": lambda columns, _: Welch(columns, ALL, segment_s=0.128, step_s=STEP),
     "last": lambda columns, _: LastRow(columns, ALL),
     "arrival": lambda columns, _: ArrivalObserver(columns, ALL[1:], flag="a.x", settle_s=0.2),
+    "batch": lambda columns, _: Batch(columns, [Statistics(columns, POINTS), EnvelopeObserver(columns, ALL, bins=60)]),
     "indices": lambda columns, _: IndexRecord(columns, ALL, step_s=STEP, rows=ROWS, window_s=0.05),
     "requirement": require,
 }
@@ -60,6 +62,8 @@ def conclude(observer):
     """The result as something that can be compared."""
     if isinstance(observer, SampleObserver):
         return plain(observer.values(*ALL))
+    if isinstance(observer, Batch):
+        return plain([member.result() for member in observer._members])
     if isinstance(observer, Welch):
         return plain([observer.psd(), observer.segments])
     if isinstance(observer, RequirementRecord):

@@ -2,15 +2,10 @@
 
 import math
 import re
-import warnings
-from importlib.resources import files
 
-import numpy as np
 import pytest
 from support.browser import INSTALL, PHONE, find_browser
 from support.reports import LINE_HZ, PEAK_S, make_dull_report, make_report
-
-from ps_fmu.results.page import content
 
 if find_browser() is None:
     pytest.skip(f"Chromium is not installed: {INSTALL}", allow_module_level=True)
@@ -67,26 +62,6 @@ def test_a_million_values_are_drawn_from_a_few_thousand_and_keep_their_peak(page
     page.wait_frames()
     near = [hover(page, FIRST, PEAK_S / 20.0 + 1e-3 * k)[0] for k in range(-2, 3)]  # the cursor is on whole pixels
     assert any("\N{HORIZONTAL ELLIPSIS} 50 \N{MICRO SIGN}rad" in text for text in near), near
-
-
-@pytest.mark.parametrize("count", [1, 2, 5, 1000, 4097])
-def test_every_level_of_the_pyramid_has_the_extremes_of_its_spans(page, count):
-    low = np.random.default_rng(count).normal(0.0, 1.0, count).astype("<f4").astype(float)
-    low[count // 3] = np.nan
-    high = low + 0.5
-    script = files(content.__package__).joinpath("pyramid.js").read_text(encoding="utf-8")
-    numbers = ", ".join(f"new Float32Array([{', '.join(map(repr, map(float, each)))}])" for each in (low, high))
-    levels = page.evaluate(
-        f"(() => {{ {script}; return new Pyramid({numbers.replace('nan', 'NaN')}).levels.map("
-        "({ low, high }) => [[...low], [...high]].map((values) => values.map((v) => isNaN(v) ? null : v))); })()"
-    )
-    assert len(levels) == max(1, math.ceil(math.log2(count)))
-    for level, (lower, upper) in enumerate(levels):
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RuntimeWarning)  # of a span without any value
-            spans = [slice(k, k + 2**level) for k in range(0, count, 2**level)]
-            expected = [[np.nanmin(low[s]) for s in spans], [np.nanmax(high[s]) for s in spans]]
-        np.testing.assert_allclose(np.array([lower, upper], dtype=float), expected, rtol=1e-6)
 
 
 def test_dragging_zooms_all_charts_of_the_group(page):

@@ -138,7 +138,7 @@ class IsolatedInstance(FmuInstance):
             self.check(function, self.guest.flush(), time)
         super()._call(function, *arguments, time=time, variables=variables)
 
-    def _function_address(self, function: str) -> int:
+    def find_address(self, function: str) -> int:
         """That of the stand-in in C, which puts off what it can, for the plan of the steps."""
         stand_in = getattr(load_library(), function.replace("fmi2", "later_"))
         address = ctypes.cast(stand_in, ctypes.c_void_p).value

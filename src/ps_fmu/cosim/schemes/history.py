@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from ctypes import Structure, addressof, c_double, c_int64, c_void_p
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,14 +11,6 @@ from numpy.typing import NDArray
 from ..checkpoint.state import State, copy_into
 from ..plan import Change
 from ..rows import Array
-
-
-@dataclass(frozen=True)
-class Grid:
-    """Steps of ``step`` [s] from ``start`` [s] on."""
-
-    start: float
-    step: float
 
 
 class _Lines(Structure):
@@ -38,8 +29,7 @@ class InputHistory:
 
     Parameters
     ----------
-    grid: the base steps
-    length: of the component's step [s]
+    times: start of the base steps, their length, that of the component's step [s]
     smoothed: lines begin where the last ones ended
     first: values (inputs,) where the first step begins
     periods: (inputs,), base steps between two values of the source
@@ -47,9 +37,10 @@ class InputHistory:
     """
 
     def __init__(
-        self, grid: Grid, length: float, smoothed: bool, first: Array, periods: Sequence[int], ahead: Sequence[int]
-    ) -> None:
-        self._grid, self._length, self._smoothed = grid, length, smoothed
+        self, times: tuple[float, float, float], smoothed: bool, first: Array, periods: Sequence[int],
+        ahead: Sequence[int],
+    ) -> None:  # fmt: skip
+        self._times, self._smoothed = times, smoothed
         self._periods, self._ahead = np.array(periods, dtype=np.int64), np.array(ahead, dtype=np.int64)
         n = len(first)
         # Rows: time and value of the last sample but one, of the last, and where the line of the last step ended.
@@ -67,48 +58,28 @@ class InputHistory:
 
     def save_state(self) -> dict[str, State]:
         """The samples, and the lines of the present step of the component."""
-        return {
-            "memory": self._memory.copy(),
-            "first": self._first.copy(),
-            "begin": self.begin.copy(),
-            "slope": self.slope.copy(),
-        }
+        return {name: array.copy() for name, array in self._list_state().items()}
 
     def load_state(self, state: Mapping[str, State]) -> None:
         """Take over samples and lines of the same inputs.  Raises ValueError or KeyError: no such."""
-        for name, target in (
-            ("memory", self._memory), ("first", self._first), ("begin", self.begin), ("slope", self.slope)
-        ):  # fmt: skip
+        for name, target in self._list_state().items():
             copy_into(target, state[name])
 
-    def describe(self, extension: Extension) -> Structure:
-        """The lines as data: ``Lines`` of lines.h."""
-        part = extension
-        numbers = self._grid.start, self._grid.step, self._length, part.offset, part.length
-        arrays = part.places, part.held, self._periods, self._ahead, part.values, part.slopes
+    def _list_state(self) -> dict[str, Array]:
+        return {"memory": self._memory, "first": self._first, "begin": self.begin, "slope": self.slope}
+
+    def extend(
+        self, values: Array, places: NDArray[np.intp], held: NDArray[np.int64], offset: float, length: float,
+        slopes: Array | None,
+    ) -> Change:  # fmt: skip
+        """What puts the lines into the inputs of a part of the component's step.
+
+        ``values`` (inputs,) are all gathered Reals, ``places`` those among them that the history has; those that are
+        ``held`` stay as they are.  The part begins ``offset`` after the step and is ``length`` long [s].  With
+        ``slopes`` the FMU gets value and slope, else the mean.
+        """
+        arrays = places, held, self._periods, self._ahead, values, slopes
         own = self._memory, self._first, self.begin, self.slope
-        addresses = (None if array is None else array.ctypes.data for array in (*arrays, *own))
-        return _Lines(len(self._first), int(self._smoothed), *numbers, *addresses)
-
-
-@dataclass(frozen=True, eq=False)
-class Extension:
-    """Puts the lines of a history into the inputs of a part of the component's step.
-
-    ``values`` (inputs,) are all gathered Reals, ``places`` those among them that the history has; those that are
-    ``held`` stay as they are.  The part begins ``offset`` after the step and is ``length`` long [s].  With ``slopes``
-    the FMU gets value and slope, else the mean.
-    """
-
-    history: InputHistory
-    values: Array
-    places: NDArray[np.intp]
-    held: NDArray[np.int64]
-    offset: float
-    length: float
-    slopes: Array | None
-
-    def make_change(self) -> Change:
-        """The same as a part of a plan."""
-        lines = self.history.describe(self)
-        return Change("extend", address=addressof(lines), keeps=(self, lines))
+        addresses = [None if array is None else array.ctypes.data for array in (*arrays, *own)]
+        lines = _Lines(len(self._first), int(self._smoothed), *self._times, offset, length, *addresses)
+        return Change("extend", address=addressof(lines), keeps=(arrays, own, lines))

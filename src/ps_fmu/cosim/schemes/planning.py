@@ -9,9 +9,9 @@ import numpy as np
 
 from ..faults.effects import EffectGroup
 from ..fmu_instance import FmuInstance
-from ..plan import Call, Change, Gather, Gathered, Move, Operation, Plan, Span
+from ..plan import Call, Change, Gather, Gathered, Move, Operation, Plan
 from ..wires import Wires, make_derivatives, make_scale, make_step
-from .history import Extension, Grid, InputHistory
+from .history import InputHistory
 from .resolving import find_period
 from .scheme import Rate
 
@@ -49,7 +49,7 @@ def make_sequel(wires: Wires, instance: FmuInstance, stepped_before: Sequence[st
     # A longer step is made in the last of its base steps, so that no FMU is ahead of the others.
     offsets = [k * length - (rate.steps - 1) * h for k in range(rate.parts)]
     plain = rate == Rate()
-    spans = [None if plain else Span(offset, length) for offset in offsets]
+    spans = [None if plain else np.array([offset, length]) for offset in offsets]
     calls = [make_step(instance, span) for span in spans]
     moves = tuple(wires.list_moves(instance))
     reals = [part for part in found if isinstance(part, Gather) and part.outputs is wires.parts.rows.real.values]
@@ -96,8 +96,7 @@ class _Extender:
         self._held = np.array([faults.acts_on(port) for port in targets], dtype=np.int64)
         sources = [wires.sources[port].component for port in targets]
         self.history = InputHistory(
-            Grid(wires.parts.clock.start, wires.step),
-            scheme.get_rate(instance.name).steps * wires.step,
+            (wires.parts.clock.start, wires.step, scheme.get_rate(instance.name).steps * wires.step),
             scheme.extrapolation == "smoothed",
             gather.outputs[gather.sources[self._places]],
             [scheme.get_rate(source).steps for source in sources],
@@ -118,9 +117,9 @@ class _Extender:
     def extend(self, offset: float, length: float) -> tuple[Change, list[Change]]:
         """The inputs of a part that begins ``offset`` after the step and is ``length`` long [s]: lines, conversions."""
         inputs, places = self._gather.inputs, self._places
-        extension = Extension(self.history, inputs, places, self._held, offset, length, self._derivatives)
+        change = self.history.extend(inputs, places, self._held, offset, length, self._derivatives)
         lined = set(places[self._held == 0].tolist())
-        return extension.make_change(), self._wires.make_conversion(self._gather.targets, inputs, lined)
+        return change, self._wires.make_conversion(self._gather.targets, inputs, lined)
 
 
 def list_operations(sequels: Sequence[Sequel], phase: int = 0) -> list[Operation]:

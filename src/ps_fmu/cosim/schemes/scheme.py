@@ -12,6 +12,8 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+import msgspec
+
 from ..clock import count_steps
 from ..errors import UsageError
 
@@ -133,8 +135,7 @@ class Scheme:
     @classmethod
     def from_dict(cls, found: Mapping[str, Any]) -> Scheme:
         """What :meth:`as_dict` has written."""
-        rates = {name: Rate(**rate) for name, rate in found["rates"].items()}
-        return cls(**{**found, "rates": rates, "iteration": Iteration(**found["iteration"])})
+        return msgspec.convert(found, cls)
 
     def get_rate(self, component: str) -> Rate:
         """The rate of a component."""

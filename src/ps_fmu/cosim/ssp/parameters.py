@@ -33,33 +33,28 @@ def read_parameter_set(root: Element, path: Path, shown: Path | None = None) -> 
     check_element(root, path)
     check_version(root, path)
     enumerations = read_items(root.find("ssv:Enumerations"), path)
-    items: dict[str, Items] = {}
-    values: dict[str, Value] = {}
-    units: dict[str, str] = {}
-    origins: dict[str, str] = {}
-    notes: dict[str, frozenset[str]] = {}
+    units = read_units(root.find("ssv:Units"), path)
+    found: dict[str, Parameter] = {}
     for group in root.all("ssv:Parameters"):
         check_element(group, path)
         for parameter in group.children:
             check_element(parameter, path)
             name = parameter.attributes["name"]
-            if name in values:
+            if name in found:
                 raise SystemFileError(path, f"parameter {name!r} occurs twice", parameter.line)
             entries = [child for child in parameter.children if child.tag != "ssv:Annotations"]
             if len(entries) != 1:
                 raise SystemFileError(path, f"parameter {name!r} must have exactly one value", parameter.line)
             entry = entries[0]
             check_element(entry, path)
-            values[name] = _read_value(entry, name, path)
-            origins[name] = f"{shown or path}, line {parameter.line}"
-            annotations = [note for group in parameter.all("ssv:Annotations") for note in group.all("ssc:Annotation")]
-            if annotations:
-                notes[name] = frozenset(note.attributes.get("type", "") for note in annotations)
-            if "unit" in entry.attributes:
-                units[name] = entry.attributes["unit"]
-            if entry.tag == "ssv:Enumeration":
-                items[name] = enumerations.get(entry.attributes.get("name", ""), {})
-    return ParameterSet(values, units, origins, notes, read_units(root.find("ssv:Units"), path), items)
+            notes = [note for group in parameter.all("ssv:Annotations") for note in group.all("ssc:Annotation")]
+            unit, items = entry.attributes.get("unit"), enumerations.get(entry.attributes.get("name", ""), {})
+            found[name] = Parameter(
+                _read_value(entry, name, path), unit, f"{shown or path}, line {parameter.line}",
+                frozenset(note.attributes.get("type", "") for note in notes),
+                units.get(unit or ""), items if entry.tag == "ssv:Enumeration" else None,
+            )  # fmt: skip
+    return ParameterSet(found)
 
 
 def _read_value(entry: Element, name: str, path: Path) -> Value:

@@ -24,6 +24,7 @@ from ..description import get_unit, index_variables, read_descriptions, read_sta
 from ..errors import SystemFileError, UsageError, WiringError
 from ..graph import Wiring, check_wiring
 from ..structure import COMPONENT_NAME, Component, Parameter, System, Value
+from ..values import EXPONENTS
 from .reading import FMU_TYPE, PARAMETER_TYPE, SSD_NAME
 
 _PLAIN = re.compile(r"[A-Za-z0-9_.-]+")
@@ -121,7 +122,6 @@ _STRUCTURE_SPACES = {
 }
 _SET_SPACES = {name: _STRUCTURE_SPACES[name] for name in ("xmlns:ssv", "xmlns:ssc")}
 _TYPES = {name: name for name in ("Real", "Integer", "Boolean", "String")} | {"Enumeration": "Integer"}
-_EXPONENTS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 
 
 def get_fmu_path(component: Component) -> str:
@@ -224,49 +224,45 @@ def _add_master(top: Element, step: float) -> None:
 def parameter_set_xml(values: Mapping[str, Parameter], description: ModelDescription) -> bytes:
     """A ``.ssv`` file with bare variable names; the values have the FMI types of the variables."""
     variables = index_variables(description)
-    root = Element("ssv:ParameterSet", {**_SET_SPACES, "version": "1.0", "name": PARAMETER_SET})
-    parameters = SubElement(root, "ssv:Parameters")
+    root, parameters = _begin_set()
     units: dict[str, Unit] = {}
     for name, entry in values.items():
         variable = variables[name]
-        text = str(entry.value).lower() if variable.type == "Boolean" else str(entry.value)
-        attributes = {"value": text} | _unit(variable, description, units)
-        element = SubElement(parameters, "ssv:Parameter", name=name)
-        SubElement(element, f"ssv:{_TYPES[variable.type]}", attributes)
-        _add_notes(element, entry)
+        _add_value(parameters, name, _TYPES[variable.type], entry, _unit(variable, description, units))
     _add_units(root, "ssv:Units", units.values())
     return _text(root)
 
 
 def real_values_xml(values: Mapping[str, float]) -> bytes:
     """A ``.ssv`` file for ``--parameters``: Reals by ``component.parameter``, in the units of the variables."""
-    root = Element("ssv:ParameterSet", {"xmlns:ssv": _SET_SPACES["xmlns:ssv"], "version": "1.0", "name": PARAMETER_SET})
-    parameters = SubElement(root, "ssv:Parameters")
-    for name, value in values.items():
-        SubElement(SubElement(parameters, "ssv:Parameter", name=name), "ssv:Real", value=repr(float(value)))
-    return _text(root)
+    return start_values_xml({name: Parameter(float(value), None, "") for name, value in values.items()})
 
 
-def start_values_xml(values: Mapping[str, Parameter], about: str) -> bytes:
+def start_values_xml(values: Mapping[str, Parameter], about: str = "") -> bytes:
     """A ``.ssv`` file for ``--parameters``: values by ``component.parameter`` with their units and notes.
 
     ``about``: a comment for the head of the file.
     """
-    root = Element("ssv:ParameterSet", {**_SET_SPACES, "version": "1.0", "name": PARAMETER_SET})
-    parameters = SubElement(root, "ssv:Parameters")
+    root, parameters = _begin_set()
     kinds = {bool: "Boolean", int: "Integer", float: "Real", str: "String"}
     for name, entry in values.items():
-        element = SubElement(parameters, "ssv:Parameter", name=name)
-        text = str(entry.value).lower() if isinstance(entry.value, bool) else str(entry.value)
         unit = {} if entry.unit is None else {"unit": entry.unit}
-        SubElement(element, f"ssv:{kinds[type(entry.value)]}", {"value": text, **unit})
-        _add_notes(element, entry)
+        _add_value(parameters, name, kinds[type(entry.value)], entry, unit)
     head, _, rest = _text(root).partition(b"\n")
     comment = re.sub("-(?=-)", "- ", about)  # two hyphens end a comment
-    return head + f"\n<!-- {comment} -->\n".encode() + rest
+    return head + (f"\n<!-- {comment} -->\n" if about else "\n").encode() + rest
 
 
-def _add_notes(element: Element, entry: Parameter) -> None:
+def _begin_set() -> tuple[Element, Element]:
+    """The root of a parameter set, and the element of its parameters."""
+    root = Element("ssv:ParameterSet", {**_SET_SPACES, "version": "1.0", "name": PARAMETER_SET})
+    return root, SubElement(root, "ssv:Parameters")
+
+
+def _add_value(parameters: Element, name: str, kind: str, entry: Parameter, unit: dict[str, str]) -> None:
+    text = str(entry.value).lower() if kind == "Boolean" else str(entry.value)
+    element = SubElement(parameters, "ssv:Parameter", name=name)
+    SubElement(element, f"ssv:{kind}", {"value": text} | unit)
     if entry.notes:
         group = SubElement(element, "ssv:Annotations")
         for note in sorted(entry.notes):
@@ -286,7 +282,7 @@ def _unit(variable: ModelVariable, description: ModelDescription, used: dict[str
 def _add_units(root: Element, tag: str, units: Iterable[Unit]) -> None:
     group = Element(tag)
     for unit in units:
-        neutral = dict.fromkeys(_EXPONENTS, 0) | {"factor": 1.0, "offset": 0.0}
+        neutral = dict.fromkeys(EXPONENTS, 0) | {"factor": 1.0, "offset": 0.0}
         stated = {name: float(getattr(unit.baseUnit, name)) for name in neutral}
         attributes = {name: f"{value:.17g}" for name, value in stated.items() if value != neutral[name]}
         SubElement(SubElement(group, "ssc:Unit", name=unit.name), "ssc:BaseUnit", attributes)

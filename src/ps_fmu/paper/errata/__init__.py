@@ -7,7 +7,7 @@ compared with a route that does not use the equation in question.
 from __future__ import annotations
 
 from . import control, dynamics, kinematics
-from .erratum import BY_READING, Erratum, errata_table
+from .case import BY_READING, Erratum, errata_table
 
 __all__ = ["BY_READING", "ENTRIES", "Erratum", "errata", "errata_table"]
 

@@ -1,23 +1,74 @@
-"""The system on which the errata are computed: the paper's nominal one, at a pose without symmetry."""
+"""What errata share: their form, and the system, the paper's nominal one at a pose without symmetry."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import cache
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from ...analyses.result import tabulate
 from ...control.feedforward import Gains, gains
 from ...mechanism.dynamics import Dynamics, Pose
 from ...mechanism.inverse_kinematics import inverse_kinematics
 from ...mechanism.parameters import Array, Parameters, load
 from ...mechanism.rotations import rotation_matrix
+from ...results.tables import Table
 from ...theory.transfer_matrices import Complex, Nominal, Practical
 from ..bus_cases import assemble_nominal
 
 ORIENTATION = np.radians([3.0, -4.0, 10.0])  # roll, pitch, yaw, rad
 S: Complex = np.asarray(2j * np.pi * np.geomspace(0.05, 300.0, 40))  # rad/s, from below the modes of the bus upwards
 SEED = 20230213
+Matrix = NDArray[np.inexact[Any]]
+BY_READING = "by reading"
+
+
+@dataclass(frozen=True)
+class Erratum:
+    """A place where the paper is wrong or can be misread."""
+
+    equation: str  # number or name of the place
+    printed: str
+    right: str
+    evidence: str  # what both forms were compared with, and what came out
+    error_right: float | None = None  # error of the right form, in ``unit``; None where no number belongs to it
+    error_printed: float | None = None  # the same of the printed form
+    unit: str = ""  # of the errors; empty: they are relative
+
+
+def errata_table(errata: Sequence[Erratum]) -> Table:
+    """The errata as a table."""
+
+    def text(error: float | None, unit: str) -> str:
+        return "-" if error is None else f"{error:.2g} {unit}".rstrip()
+
+    return tabulate(
+        "Errata; errors are relative unless a unit follows",
+        errata,
+        (
+            ("equation", lambda e: e.equation),
+            ("as printed", lambda e: e.printed),
+            ("right", lambda e: e.right),
+            ("error, right", lambda e: text(e.error_right, e.unit)),
+            ("error, printed", lambda e: text(e.error_printed, e.unit)),
+            ("evidence", lambda e: e.evidence),
+        ),
+    )
+
+
+def relative_error(value: Matrix, reference: Matrix) -> float:
+    """Largest difference of matrices (..., n, m), each against the largest element of its reference."""
+    off = np.abs(value - reference).max(axis=(-2, -1)) / np.abs(reference).max(axis=(-2, -1))
+    return float(off.max())
+
+
+def rate(motion: Callable[[float], Array], h: float) -> Array:
+    """Derivative of ``motion(t)`` at zero from its values at -2h, -h, h, 2h; the error is of fourth order in h."""
+    return np.asarray((8.0 * (motion(h) - motion(-h)) - (motion(2.0 * h) - motion(-2.0 * h))) / (12.0 * h))
 
 
 @cache

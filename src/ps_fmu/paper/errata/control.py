@@ -15,7 +15,7 @@ from ..figures.fig06 import CLAIMED_LIMIT, compute_reach
 from ..figures.fig10.closed_form import judge
 from ..published import published_numbers
 from . import case
-from .erratum import Erratum, relative_error
+from .case import Erratum, relative_error
 
 
 def optimal_controller() -> Erratum:

@@ -12,7 +12,7 @@ from ...mechanism.rotations import rotation_from_vector, skew
 from ...theory.transfer_matrices import Complex, Practical
 from ..bus_cases import assemble_nominal, load_case, mobile_base_factors
 from . import case
-from .erratum import Erratum, rate, relative_error
+from .case import Erratum, rate, relative_error
 
 
 def inertia_about_origin() -> Erratum:

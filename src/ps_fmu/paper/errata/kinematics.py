@@ -8,11 +8,10 @@ from functools import partial
 import numpy as np
 
 from ...control.commander import DEFAULT_ALGORITHM_1
-from ...mechanism.dynamics import Pose
+from ...mechanism.dynamics import Pose, leg_mass
 from ...mechanism.forward_kinematics import forward_kinematics
 from ...mechanism.inverse_kinematics import Solver, descend, inverse_kinematics, step_size_bound, trilaterate
 from ...mechanism.kinematics import displacements, leg_lengths, leg_vectors
-from ...mechanism.legs import leg_mass
 from ...mechanism.parameters import Array, CoarseLeg, LegPart
 from ...mechanism.rotations import rotation_from_vector, rotation_matrix
 from ...theory.transfer_matrices import Nominal
@@ -22,7 +21,7 @@ from ..figures.fig07.runs import EPSILON_AS_PUBLISHED
 from ..figures.table2.closed_form import ORIENTATIONS
 from ..published import published_numbers
 from . import case
-from .erratum import BY_READING, Erratum, rate, relative_error
+from .case import BY_READING, Erratum, rate, relative_error
 
 EPSILON = DEFAULT_ALGORITHM_1.epsilon  # m, of Algorithm 1 as printed
 

@@ -40,6 +40,11 @@ class Range:
         return float(self.low + u * (self.high - self.low))
 
 
+def values_at(ranges: Sequence[Range], places: Sequence[float] | Array) -> list[float]:
+    """Values of parameters at places in their ranges, each in its unit."""
+    return [r.at(u) for r, u in zip(ranges, places, strict=True)]
+
+
 @dataclass(frozen=True, eq=False)
 class Identifiability:
     """What data determine of parameters, to first order at a solution."""

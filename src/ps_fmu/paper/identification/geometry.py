@@ -14,16 +14,15 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ...mechanism import workspace
 from ...mechanism.forward_kinematics import ForwardKinematicsError, forward_kinematics
-from ...mechanism.inverse_kinematics import inverse_kinematics
-from ...mechanism.kinematics import KinematicsError, division_of_labour, leg_rows, leg_vectors, platform_joints_B
+from ...mechanism.inverse_kinematics import inverse_kinematics, reachable
+from ...mechanism.kinematics import KinematicsError, leg_rows, leg_vectors, list_singularities, platform_joints_B
 from ...mechanism.parameters import Array, Geometry
-from ...mechanism.reachability import reachable
 from ...mechanism.rotations import GimbalLockError, orientation_rate_map
+from .. import workspace
 from ..figures.table2.closed_form import ORIENTATIONS
 from ..published import ANGLES
-from .fit import Identifiability, Range, follow, roundings, slopes, targets
+from .fit import Identifiability, Range, follow, roundings, slopes, targets, values_at
 
 RANGES = (
     Range("height of P above B", "m", 0.25, 0.50),
@@ -44,8 +43,8 @@ LEAST_CLEARANCE = 0.02  # m, between the axes of legs: room for bodies of 20 mm
 
 def symmetric(places: Sequence[float] | Array, stroke: Array) -> Geometry:
     """Joints for the places (10,) of the parameters in :data:`RANGES`; stroke (2,), m."""
-    (height, base_c, azimuth_c, platform_c, twist_c, base_f, azimuth_f, height_f, platform_f, twist_f) = (
-        r.at(u) for r, u in zip(RANGES, places, strict=True)
+    height, base_c, azimuth_c, platform_c, twist_c, base_f, azimuth_f, height_f, platform_f, twist_f = values_at(
+        RANGES, places
     )
     azimuth_f += azimuth_c
     return Geometry(
@@ -68,7 +67,7 @@ def list_flaws(geometry: Geometry, condition: float) -> list[str]:
     ----------
     condition: see :func:`largest_condition`.
     """
-    reasons = list(division_of_labour(geometry, geometry.nominal_translation_B, np.eye(3)).reasons)
+    reasons = list_singularities(geometry, geometry.nominal_translation_B, np.eye(3))
     if condition > LARGEST_CONDITION:
         reasons.append(f"condition number {condition:.1f} in the workspace, at most {LARGEST_CONDITION:g}")
     if (gap := clearance(geometry)) < LEAST_CLEARANCE:
@@ -120,7 +119,7 @@ class Candidate:
     @property
     def values(self) -> list[float]:
         """Its parameters in their units."""
-        return [r.at(u) for r, u in zip(RANGES, self.places, strict=True)]
+        return values_at(RANGES, self.places)
 
 
 def limits(geometry: Geometry, step: float = workspace.STEP) -> Array:

@@ -10,8 +10,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from ...mechanism.parameters import Array, Parameters
+from ...theory.loop import loop_at
+from ...theory.transmissibility import variance_weights
 from ..figures.table2.closed_form import ORIENTATIONS
 from .fit import Identifiability, roundings, targets
 
@@ -28,17 +31,10 @@ POINTS = 1500  # of the frequency grid while fitting: variances within 5e-4
 
 
 def weights(p: Parameters, *, active: bool, points: int | None = None) -> Array:
-    """What turns a density into variances, (12, 6, 6), in the order of :data:`KEYS`.
+    """What turns a density into variances, (12, 6, 6), in the order of :data:`KEYS`; see :func:`.variance_weights`.
 
-    See :func:`...theory.transmissibility.variance_weights`.
-
-    Parameters
-    ----------
-    p: the original support module (OSM).
+    ``p``: the original support module (OSM).
     """
-    from ...theory.loop import loop_at
-    from ...theory.transmissibility import variance_weights
-
     loops = (loop_at(p, np.radians(orientation)) for orientation in ORIENTATIONS.values())
     return np.concatenate([variance_weights(loop, p.bus, p.noise.band, active=active, points=points) for loop in loops])
 
@@ -67,8 +63,6 @@ def fit(given: Weights, seed: int) -> Array | None:
 
     None if there is no such density with these weights.
     """
-    from scipy.optimize import least_squares
-
     passive, active = targets(KEYS), targets(ACTIVE_KEYS)
     # Without units: wrenches over the one that alone would make the RMS.
     unit = 1.0 / np.sqrt(np.einsum("kii->ki", given.passive / passive[:, None, None] ** 2).mean(axis=0))

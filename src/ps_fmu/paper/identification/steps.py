@@ -5,11 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import islice
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import tomlkit  # keeps comments and layout, which tomllib cannot write at all
+from tqdm import tqdm
 
+from ...cosim.ssp.writing import real_values_xml
+from ...interface.start_values import differences
 from ...mechanism.parameters import PAPER, Array, Parameters, load
 from ...slavekit.pack.files import write_atomically
 from ..bus_cases import with_large_damping
@@ -58,17 +63,15 @@ def identify(path: Path, seed: int, starts: int, *, progress: bool = False) -> I
     IdentificationError: none was found.
     OSError: a file cannot be written.
     """
-    from tqdm import tqdm
-
-    stroke = load().manipulator.coarse_stroke
+    stroke, best = load().manipulator.coarse_stroke, attrgetter("condition")
     drawn = geometry.starts(seed, stroke)
     candidates: list[geometry.Candidate] = []
     step, tried = None, 0
     while step is None and tried < BATCHES * starts:
         bar = tqdm(islice(drawn, starts), desc="Table 1", unit="start", total=starts, disable=not progress)
         new = [found for start in bar if (found := geometry.search(start, stroke)) is not None]
-        candidates = sorted([*candidates, *new], key=_condition)
-        bar = tqdm(sorted(new, key=_condition), desc="Fig 10 and Table 2", unit="geometry", disable=not progress)
+        candidates = sorted([*candidates, *new], key=best)
+        bar = tqdm(sorted(new, key=best), desc="Fig 10 and Table 2", unit="geometry", disable=not progress)
         step = next(filter(None, (_fit_candidate(candidate, seed) for candidate in bar)), None)
         tried += starts
     if step is None:
@@ -102,14 +105,10 @@ def identify(path: Path, seed: int, starts: int, *, progress: bool = False) -> I
         passive_rms=noise.rms(noise.weights(original, active=False), psd),
         active_rms=noise.rms(noise.weights(original, active=True), psd),
         peaks={
-            "fig10.OSM_peak": suspension.peak(original),
-            "fig10.LDLSM_peak": suspension.peak(with_large_damping(lighter)),
+            "fig10.OSM_peak": suspension.element(original).largest_gain_db,
+            "fig10.LDLSM_peak": suspension.element(with_large_damping(lighter)).largest_gain_db,
         },
     )
-
-
-def _condition(candidate: geometry.Candidate) -> float:
-    return candidate.condition
 
 
 def _fit_candidate(candidate: geometry.Candidate, seed: int) -> _Fit | None:
@@ -144,8 +143,6 @@ def write_parameters(path: Path, p: Parameters, origin: str) -> None:
 
     ``origin``: a line for the head of the file.  Raises OSError.
     """
-    import tomlkit  # keeps comments and layout, which tomllib cannot write at all
-
     document: Any = tomlkit.parse(PAPER.read_text(encoding="utf-8"))
     manipulator = document["manipulator"]
     manipulator["nominal_translation_B"] = _numbers(p.manipulator.nominal_translation_B)
@@ -166,9 +163,6 @@ def write_parameters(path: Path, p: Parameters, origin: str) -> None:
 
 def write_start_values(path: Path, p: Parameters) -> None:
     """Write what differs from paper.toml as an SSV file for ``ps-fmu run --parameters``.  Raises OSError."""
-    from ...cosim.ssp.writing import real_values_xml
-    from ...interface.parameter_sets import differences
-
     values = {name: float(value) for name, value in differences(p).items()}
     write_atomically(path, real_values_xml(values))
 

@@ -13,9 +13,10 @@ from typing import TypeVar
 import numpy as np
 
 from ...mechanism.parameters import Array, CoarseLeg, Geometry, Parameters
+from ...theory.loop import Margins, element_margins, loop_at
 from ..figures.fig10.closed_form import BAND
 from ..published import published_numbers
-from .fit import Identifiability, Range, follow, slopes, targets
+from .fit import Identifiability, Range, follow, slopes, targets, values_at
 
 Leg = TypeVar("Leg", bound=CoarseLeg)
 
@@ -48,7 +49,7 @@ class Suspension:
     @property
     def values(self) -> list[float]:
         """Its parameters in their units."""
-        return [r.at(u) for r, u in zip(RANGES, self.places, strict=True)]
+        return values_at(RANGES, self.places)
 
 
 def with_geometry(p: Parameters, geometry: Geometry) -> Parameters:
@@ -80,7 +81,7 @@ def with_suspension(p: Parameters, places: Sequence[float] | Array) -> Parameter
     The isolator knows the centre of mass: where the density of the disturbance is free, Table 2 does not need the error
     that paper.toml assumes.
     """
-    stiffness, *rest = (r.at(u) for r, u in zip(RANGES, places, strict=True))
+    stiffness, *rest = values_at(RANGES, places)
     shift_P, stretch = np.array(rest[:3]), np.diag(rest[3:])
     legs = tuple(replace(leg, stiffness=stiffness) for leg in p.manipulator.fine_legs)
     # Second moments of mass, integral of r r^T dm: stretched, they still are those of a body.
@@ -121,8 +122,6 @@ def fit(p: Parameters) -> Suspension | None:
 
 def deviations(p: Parameters, places: Array) -> Array:
     """How far gain and phase are from those of Fig 10 at its frequencies, (4,), in GAIN_UNIT and PHASE_UNIT."""
-    from ...theory.loop import loop_at
-
     first, second, turning, margin = targets(KEYS)
     loop = loop_at(with_suspension(p, places), delay=published_numbers()["text.delay"].value)
     value = loop.transfer(2j * np.pi * np.array([first, second, turning]))[:, 0, 0]
@@ -133,19 +132,15 @@ def deviations(p: Parameters, places: Array) -> Array:
 
 def margins(p: Parameters) -> Array:
     """Fig 10 as :data:`KEYS` has it, (4,), Hz, Hz, Hz and deg; nan unless the curve crosses as often as there."""
-    from ...theory.loop import element_margins, loop_at
-
-    found = element_margins(loop_at(p, delay=published_numbers()["text.delay"].value), BAND)
+    found = element(p)
     if len(found.gain_crossings) != 2 or len(found.phase_crossings) != 1:
         return np.full(len(KEYS), np.nan)
     return np.array([*found.gain_crossings, *found.phase_crossings, found.phase_margin])
 
 
-def peak(p: Parameters) -> float:
-    """Largest gain of the element of the loop that Fig 10 shows, dB."""
-    from ...theory.loop import element_margins, loop_at
-
-    return element_margins(loop_at(p, delay=published_numbers()["text.delay"].value), BAND).largest_gain_db
+def element(p: Parameters) -> Margins:
+    """Crossings and the largest gain of the element of the loop that Fig 10 shows, with the paper's delay."""
+    return element_margins(loop_at(p, delay=published_numbers()["text.delay"].value), BAND)
 
 
 def identifiability(p: Parameters, suspension: Suspension) -> Identifiability:

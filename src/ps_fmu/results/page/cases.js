@@ -50,7 +50,7 @@ class CaseExplorer {
   }
 
   makeSelectors() {
-    const selector = (name, groups, get, set) => {
+    const selector = (name, groups, set) => {
       const select = make("select", { name });
       for (const [label, columns] of groups) {
         const group = make("optgroup", { label });
@@ -63,8 +63,8 @@ class CaseExplorer {
     };
     const [parameters, metrics] = [["parameters", this.parameters], ["metrics", this.metrics]];
     return [
-      selector("metric", [metrics], () => this.y, (column) => { this.y = column; }),
-      selector("over", [parameters, metrics], () => this.x, (column) => { this.x = column; }),
+      selector("metric", [metrics], (column) => { this.y = column; }),
+      selector("over", [parameters, metrics], (column) => { this.x = column; }),
     ];
   }
 

@@ -8,10 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from .packing import encode
+from .packing import Entry, encode, pack_fields
 
 Array = NDArray[np.float64]
-Entry = dict[str, object]
 
 MOST_CASES = 10_000
 """That the page holds: some 3 MB with sixty metrics.  All are in the study's table."""
@@ -44,12 +43,9 @@ class CaseColumn:
     def pack(self, chosen: NDArray[np.intp]) -> Entry:
         """As the page reads it."""
         return {
-            "title": self.title,
-            "unit": self.unit,
+            **pack_fields(self),
             "values": encode(np.asarray(self.values, dtype=float)[chosen]),
-            "levels": list(self.levels),
-            "limit": self.limit,
-            "marks": [{"label": mark.label, "value": mark.value} for mark in self.marks if np.isfinite(mark.value)],
+            "marks": [pack_fields(mark) for mark in self.marks if np.isfinite(mark.value)],
             "ranking": [float(value) if np.isfinite(value) else None for value in self.ranking],
         }
 

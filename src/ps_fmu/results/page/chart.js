@@ -1,9 +1,7 @@
-// A chart of curves over a linked axis, drawn by uPlot from the pyramids of the curves.
+// A chart of curves over a linked axis, drawn by uPlot: a pixel shows the extremes of all values that fall on it.
 
 const CHART_HEIGHT = 250;
 const PRINT_HEIGHT = 200;
-/** Spans of a curve per pixel of width: more cannot be seen. */
-const SPANS_PER_PIXEL = 1;
 
 class LineChart {
   constructor(packed, link, element) {
@@ -11,12 +9,13 @@ class LineChart {
     this.packed = packed;
     this.curves = packed.curves.map((curve) => ({
       ...curve,
-      pyramid: new Pyramid(decode(curve.low), curve.high && decode(curve.high)),
+      low: decode(curve.low),
+      high: decode(curve.high || curve.low),
     }));
     this.plotElement = make("div", { class: "plot" });
     this.readout = make("div", { class: "readout" });
     // Ticks of a straight axis carry the unit themselves.
-    const unit = packed.logarithmic ? ` (${prettyUnit(packed.unit)})` : "";
+    const unit = packed.logarithmic && prettyUnit(packed.unit) ? ` (${prettyUnit(packed.unit)})` : "";
     element.append(make("h3", {}, packed.title + unit), this.readout, this.plotElement);
     this.plot = new uPlot(this.options(), this.cut(), this.plotElement);
     listenOnChart(this.plot.over, link, (x) => this.plot.posToVal(x, "x"));
@@ -96,41 +95,33 @@ class LineChart {
     return [low - margin, high + margin];
   }
 
-  /** What uPlot draws of the linked range: places, then low and high of each curve. */
+  /** What uPlot draws of the linked range: axis values, then low and high of each curve, those of a pixel as one. */
   cut() {
     const { axis, min, max } = this.link;
     const first = axis.find(min);
     const last = Math.min(axis.find(max) + 1, axis.count - 1);
-    this.spans = axis.logarithmic ? this.spansOfPixels(first, last) : this.spansOfLevel(first, last);
-    const { starts, width, level } = this.spans;
+    this.spans = { starts: this.splitByPixel(first, last), end: last + 1 };
+    const { starts } = this.spans;
     const visible = (value) => (Number.isFinite(value) && !(this.packed.logarithmic && value <= 0) ? value : null);
-    const columns = this.curves.flatMap(({ pyramid }) => {
-      const { low, high } = pyramid.levels[level];
-      if (width) return [low, high].map((values) => starts.map((start) => visible(values[start / width])));
-      const found = starts.map((start, k) => pyramid.extremes(start, this.endOf(k)));
-      return [found.map(([least]) => visible(low[least])), found.map(([, most]) => visible(high[most]))];
+    const columns = this.curves.flatMap((curve) => {
+      const found = starts.map((start, k) => extremes(curve, start, this.endOf(k)));
+      return [found.map(([least]) => visible(curve.low[least])), found.map(([, most]) => visible(curve.high[most]))];
     });
     return [starts.map((start) => axis.at(start)), ...columns];
   }
 
-  /** On a straight axis all spans are alike: those of a level of the pyramids. */
-  spansOfLevel(first, last) {
-    const { begin, end, level, width } = this.curves[0].pyramid.choose(first, last, SPANS_PER_PIXEL * this.width);
-    const starts = Array.from({ length: end - begin + 1 }, (_, k) => (begin + k) * width);
-    return { starts, width, level, end: Math.min((end + 1) * width, this.link.axis.count) };
-  }
-
-  /** On a logarithmic axis a span is what falls on one pixel. */
-  spansOfPixels(first, last) {
-    const { axis, range: [min, max] } = this.link;
-    const scale = this.width / Math.log10(max / min);
+  /** The first place of what falls on each pixel. */
+  splitByPixel(first, last) {
+    const { link } = this;
+    const [low, high] = link.range.map((value) => link.straight(value));
+    const scale = this.width / (high - low);
     const starts = [];
     for (let place = first, before = null; place <= last; place++) {
-      const pixel = Math.floor(scale * Math.log10(axis.at(place) / min));
+      const pixel = Math.floor(scale * (link.straight(link.axis.at(place)) - low));
       if (pixel !== before) starts.push(place);
       before = pixel;
     }
-    return { starts, width: 0, level: 0, end: last + 1 };
+    return starts;
   }
 
   /** First place after a span. */
@@ -177,9 +168,9 @@ class LineChart {
     });
   }
 
-  describe({ pyramid }, from, to) {
-    const { low, high } = pyramid.levels[0];
-    const [least, most] = pyramid.extremes(from, to);
+  describe(curve, from, to) {
+    const { low, high } = curve;
+    const [least, most] = extremes(curve, from, to);
     const text = (value) => formatQuantity(value, this.packed.unit);
     if (text(low[least]) === text(high[most])) return text(low[least]);
     // Of a spectrum one wants to know where in the span the line is.
@@ -188,6 +179,16 @@ class LineChart {
     }
     return `${text(low[least])} \u2026 ${text(high[most])}`;
   }
+}
+
+/** Places of the least and the largest value in [from, to); a gap (NaN) gives way to any value. */
+function extremes({ low, high }, from, to) {
+  let [least, most] = [from, from];
+  for (let i = from + 1; i < to; i++) {
+    if (low[i] < low[least] || low[least] !== low[least]) least = i;
+    if (high[i] > high[most] || high[most] !== high[most]) most = i;
+  }
+  return [least, most];
 }
 
 function longest(texts) {

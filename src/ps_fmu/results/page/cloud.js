@@ -218,11 +218,12 @@ function makeClouds(packed, section) {
   const stage = section.querySelector(".stage");
   const views = [new CloudView(clouds, packed.unit, stage, readout)];
   if (clouds.length > 1) views.push(new CloudView(clouds.slice(-1), packed.unit, stage, readout));
+  const all = {
+    zoom: (factor) => views.forEach((view) => view.zoom(factor)), reset: () => views.forEach((view) => view.reset()),
+  };
   section.querySelector(".bar").append(
     ...legend,
-    makeButton("+", "Zoom in (+; also: drag across the points, Ctrl and wheel, two fingers)", () => views.forEach((view) => view.zoom(0.5))),
-    makeButton("\u2212", "Zoom out (-)", () => views.forEach((view) => view.zoom(2))),
-    makeButton("All", "Show everything (0, or double click)", () => views.forEach((view) => view.reset())),
+    ...makeZoomButtons("the points", all, false),
     readout,
   );
   return views;

@@ -19,6 +19,19 @@ function listenOnChart(over, link, valueAt) {
   });
 }
 
+/** Buttons of a bar that zoom `what` is shown, and move along its axis if it has one. */
+function makeZoomButtons(what, link, moves) {
+  return [
+    makeButton("+", `Zoom in (+; also: drag across ${what}, Ctrl and wheel, two fingers)`, () => link.zoom(0.5)),
+    makeButton("\u2212", "Zoom out (-)", () => link.zoom(2)),
+    ...(moves ? [
+      makeButton("\u25c0", "Move left (arrow key)", () => link.move(-0.25)),
+      makeButton("\u25b6", "Move right (arrow key)", () => link.move(0.25)),
+    ] : []),
+    makeButton("All", "Show everything (0, or double click)", () => link.reset()),
+  ];
+}
+
 /** Keys on a focused element. */
 function listenToKeys(element, link) {
   const actions = {

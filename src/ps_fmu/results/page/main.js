@@ -17,15 +17,15 @@ function makeGroup(packed, section, key) {
     listenToKeys(element, link);
     return new LineChart(chart, link, element);
   });
-  const shades = packed.shaded.map(({ label, colour }) => make("span", { class: "span" }, swatch(colour), label));
+  const shades = packed.shaded.map(({ label, colour, opacity }) => {
+    const mark = swatch(colour);
+    mark.style.opacity = opacity;
+    return make("span", { class: "span" }, mark, label);
+  });
   section.querySelector(".bar").append(
     ...shades,
     ...makeToggles(packed, link),
-    makeButton("+", "Zoom in (+; also: drag across a chart, Ctrl and wheel, two fingers)", () => link.zoom(0.5)),
-    makeButton("\u2212", "Zoom out (-)", () => link.zoom(2)),
-    makeButton("\u25c0", "Move left (arrow key)", () => link.move(-0.25)),
-    makeButton("\u25b6", "Move right (arrow key)", () => link.move(0.25)),
-    makeButton("All", "Show everything (0, or double click)", () => link.reset()),
+    ...makeZoomButtons("a chart", link, true),
     span,
   );
   link.announce(link);

@@ -235,20 +235,13 @@ function listTicks(first, last, count) {
 
 /** The panels of a waterfall over one range of frequencies, with its bar. */
 function makeWaterfall(packed, section) {
-  const bar = section.querySelector(".bar");
   const readout = make("span", { class: "span" });
   const link = new LinkedAxis(new Axis(packed.frequency), () => {});
   const shared = {
     ...packed, panels: packed.panels.length, ordinate: new Axis(packed.ordinate),
     lines: packed.lines.map((line) => ({ ...line, frequency: decode(line.frequency) })),
   };
-  bar.append(
-    makeButton("+", "Zoom in (+; also: drag across the picture, Ctrl and wheel, two fingers)", () => link.zoom(0.5)),
-    makeButton("\u2212", "Zoom out (-)", () => link.zoom(2)),
-    makeButton("\u25c0", "Move left (arrow key)", () => link.move(-0.25)),
-    makeButton("\u25b6", "Move right (arrow key)", () => link.move(0.25)),
-    makeButton("All", "Show everything (0, or double click)", () => link.reset()),
-  );
+  section.querySelector(".bar").append(...makeZoomButtons("the picture", link, true));
   section.querySelector(".stage").before(make("div", { class: "readout" }, readout), makeKey(shared));
   const stage = section.querySelector(".stage");
   link.views = packed.panels.map((panel) => new WaterfallView(panel, shared, link, stage, readout));

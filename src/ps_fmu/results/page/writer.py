@@ -12,7 +12,7 @@ from importlib.resources.abc import Traversable
 from markupsafe import Markup
 
 SCRIPTS = (
-    "data.js", "text.js", "theme.js", "pyramid.js", "linked.js", "gestures.js", "chart.js",
+    "data.js", "text.js", "theme.js", "linked.js", "gestures.js", "chart.js",
     "cloud.js", "waterfall.js", "scatter.js", "cases.js", "space.js", "mechanism.js", "player.js", "main.js",
 )  # fmt: skip
 """The page's own scripts, in this order."""

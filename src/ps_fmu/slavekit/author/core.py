@@ -114,27 +114,6 @@ class Core(ctypes.Structure):
         ("native_steps", c_int64), ("python_steps", c_int64),
     )  # fmt: skip
 
-    plain: int
-    n_target: int
-    n_maps: int
-    n_row: int
-    n_spans: int
-    n_rows: int
-    all_rows: int
-    calls: int | None
-    stepping: int
-    pending: int
-    watching: int
-    time: float
-    step: float
-    time_slack: float
-    step_slack: float
-    last_start: float
-    count: int
-    block: int
-    native_steps: int
-    python_steps: int
-
     arrays: dict[str, NDArray[Any]]
     """By the name of their word."""
     source: Array

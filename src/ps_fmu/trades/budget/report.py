@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from tqdm import tqdm
 
-from ...analyses.options import SYSTEM, AnalysisOptions
 from ...analyses.result import AnalysisResult, paint_pictures
 from ...analyses.system import load_built_system
+from ...analyses.table import SYSTEM, AnalysisOptions
 from ...cosim import System, read_system
 from ...pointing.budget import UncertaintyFactors
 from ...product.files import find_product

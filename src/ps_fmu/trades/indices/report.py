@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from tqdm import tqdm
 
-from ...analyses.options import SYSTEM, AnalysisOptions
 from ...analyses.result import AnalysisResult, paint_pictures
 from ...analyses.system import load_default_system
+from ...analyses.table import SYSTEM, AnalysisOptions
 from ...pointing import PointingIndex
 from ...results.style import AXES, REFERENCE
 from ...results.tables import Table

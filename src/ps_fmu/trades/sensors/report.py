@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from tqdm import tqdm
 
-from ...analyses.options import AnalysisOptions
 from ...analyses.result import AnalysisResult, paint_pictures, tabulate
 from ...analyses.system import load_default_system
+from ...analyses.table import AnalysisOptions
 from ...mechanism.parameters import Array
 from ...product.files import find_product
 from ...results.style import ACTIVE, PASSIVE, REFERENCE

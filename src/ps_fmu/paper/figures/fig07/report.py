@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ....analyses.finding import Finding
-from ....analyses.options import AnalysisOptions
 from ....analyses.result import AnalysisResult, paint_pictures, tabulate
+from ....analyses.table import AnalysisOptions
 from ....control.commander import DEFAULT_ALGORITHM_1
 from ....mechanism.parameters import Array
 from ....results.page.content import Axis, Chart, ChartGroup, Curve, Exploration
@@ -23,20 +23,8 @@ from ....runs.scenario import SCENARIOS, Scenario
 from ...cosimulation import hold_run
 from ...published import ANGLES, make_finding, published_numbers
 from ..fig06 import compute_reach
-from .runs import (
-    EPSILON_AS_PUBLISHED,
-    EXACT,
-    FINE,
-    PLANES,
-    PRINTED,
-    PathResult,
-    largest_error_deg,
-    list_cases,
-    load_quiet_system,
-    measure,
-    measure_limits,
-    smallest_error_deg,
-)
+from . import runs
+from .runs import EXACT, FINE, PLANES, PRINTED, PathResult, list_cases
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -57,7 +45,7 @@ COLOURS = (ACTIVE, PASSIVE, AXES[2])
 
 def find(run: Run) -> Findings:
     """Run all paths by all methods; the errors of the orientation."""
-    results = measure(load_quiet_system(run), run.options)
+    results = runs.measure(runs.load_quiet_system(run), run.options)
     table = error_table(results)
     refused = [
         f"{result.path}, {result.method}: {result.refused.sum()} of {len(result.target)} targets are out of reach: the "
@@ -96,9 +84,9 @@ def find(run: Run) -> Findings:
 def analyse(options: AnalysisOptions, scenario: Scenario = SCENARIOS["trajectories"]) -> AnalysisResult:
     """Run the paths of the scenario ``trajectories`` and the limits of the workspace, and draw the paths."""
     with hold_run(options, scenario) as run:
-        system = load_quiet_system(Run(run))
-        results = measure(system, run)
-        limits, beyond = measure_limits(system, run, *extremes())
+        system = runs.load_quiet_system(Run(run))
+        results = runs.measure(system, run)
+        limits, beyond = runs.measure_limits(system, run, *extremes())
     return AnalysisResult(
         name="trajectories",
         title="Trajectories: Fig 7, and the limits of Table 1",
@@ -129,14 +117,14 @@ def findings(results: Sequence[PathResult]) -> list[Finding]:
     """The numbers of Fig 7, by Algorithm 1 with the error limit that leaves them."""
     ours = [result for result in results if result.method == FINE]
     expected = np.degrees(np.concatenate([result.expected_error for result in ours]))
-    largest = largest_error_deg(results, FINE)
+    largest = runs.largest_error_deg(results, FINE)
     others = (
-        f"{PRINTED} leaves {largest_error_deg(results, PRINTED):.1e} deg, {EXACT} "
-        f"{largest_error_deg(results, EXACT):.0e} deg"
+        f"{PRINTED} leaves {runs.largest_error_deg(results, PRINTED):.1e} deg, {EXACT} "
+        f"{runs.largest_error_deg(results, EXACT):.0e} deg"
     )
     return [
         make_finding(
-            "fig7.smallest_error", float(expected[expected > 0.0].min()), smallest_error_deg(results, FINE), FINE
+            "fig7.smallest_error", float(expected[expected > 0.0].min()), runs.smallest_error_deg(results, FINE), FINE
         ),
         make_finding("fig7.error", float(expected.max()), largest, f"{FINE}; {others}"),
         make_finding("text.error", float(expected.max()), largest, FINE),
@@ -167,11 +155,12 @@ def _limits_text(beyond: PathResult) -> str:
 
 def algorithm_1_text(results: Sequence[PathResult]) -> str:
     """What the error limit of Algorithm 1 does."""
+    printed, fine, exact = (runs.largest_error_deg(results, method) for method in (PRINTED, FINE, EXACT))
     return (
         f"Algorithm 1 stops at an error of {DEFAULT_ALGORITHM_1.epsilon:g} m of the fine legs, which the paper gives "
-        f"as an example; that leaves up to {largest_error_deg(results, PRINTED):.1e} deg. The published errors of 1e-9 "
-        f"to 1e-8 deg are those of a limit of {EPSILON_AS_PUBLISHED:g} m: {smallest_error_deg(results, FINE):.1e} to "
-        f"{largest_error_deg(results, FINE):.1e} deg. Closed form: {largest_error_deg(results, EXACT):.0e} deg."
+        f"as an example; that leaves up to {printed:.1e} deg. The published errors of 1e-9 to 1e-8 deg are those of a "
+        f"limit of {runs.EPSILON_AS_PUBLISHED:g} m: {runs.smallest_error_deg(results, FINE):.1e} to {fine:.1e} deg. "
+        f"Closed form: {exact:.0e} deg."
     )
 
 

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from ....analyses.finding import Finding
-from ....analyses.options import AnalysisOptions
 from ....analyses.result import AnalysisResult, paint_pictures, tabulate
+from ....analyses.table import AnalysisOptions
 from ....mechanism.parameters import Array, load
 from ....results.tables import Table, format_angles
 from ....theory.transmissibility import singular_values_db

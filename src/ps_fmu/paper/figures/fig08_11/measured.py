@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from ....analyses.options import AnalysisOptions
 from ....analyses.system import load_built_system
+from ....analyses.table import AnalysisOptions
 from ....cosim import Value
 from ....mechanism.parameters import Array, Parameters
 from ....results.tables import Table, format_angles

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from tqdm import tqdm
 
-from ....analyses.options import AnalysisOptions
 from ....analyses.system import load_built_system
+from ....analyses.table import AnalysisOptions
 from ....cosim import System, Value
 from ....pointing.response import Response
 from ....scenarios.shaking import Shaking, measure_response

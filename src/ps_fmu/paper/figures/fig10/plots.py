@@ -10,7 +10,7 @@ import numpy as np
 
 from ....analyses.result import paint_pictures
 from ....mechanism.parameters import Array
-from ....results.page.content import Axis, Chart, ChartGroup, Curve, Exploration
+from ....results.page.content import Axis, Chart, ChartGroup, Curve, Exploration, Still
 from ....results.report import Picture
 from ....results.style import ACTIVE, PASSIVE, REFERENCE
 from ....theory.small_gain import largest_singular_value, nominal_loop_poles
@@ -25,6 +25,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 COLUMNS = 3
+COLOURS_OF = {"passive": PASSIVE, "active": ACTIVE}
+LABELS = {"passive": "isolator off", "active": "isolator on"}
+AFTER = "After a pulse on the bus, isolator with 20 ms delay unless said otherwise"
 BIN_S = 0.2  # of an envelope: one cycle at 5 Hz
 READINGS = ((-1.0, "det(E - L): by (48)"), (1.0, "det(E + L): as the paper reads it"))
 DRAWN = 20.0  # Hz, end of the Nyquist curves; beyond, the delay winds them about one again and again
@@ -143,36 +146,28 @@ def break_jumps(angle: Array) -> Array:
     return broken
 
 
-def paint_response(figure: Figure, responses: Sequence[PulseResponse], what: str) -> None:
-    """``what``: "fine", envelope of the fine displacements, logarithmic; "payload", rotation of the payload."""
+def paint_fine_legs(figure: Figure, responses: Sequence[PulseResponse]) -> None:
+    """Envelope of the fine displacements, logarithmic, and the rate of the predicted pole."""
     shown = compare_by_name(responses)
     grid = figure.subplots(2, COLUMNS).reshape(-1)
     for axes, (name, compared) in zip(grid, shown.items(), strict=False):
         for r in compared:
-            (_draw_fine if what == "fine" else _draw_payload)(axes, r)
+            time, largest = _envelope(r.time, np.abs(r.fine).max(axis=1))
+            axes.semilogy(time, 1e6 * largest, color=COLOURS_OF[r.mode], label=LABELS[r.mode])
+            if r.enabled:
+                # Through the end of an unstable motion; through the start of a stable one, when the pulse has ended.
+                k = -1 if r.predicted.real > 0.0 else 2
+                rate = largest[k] * np.exp(r.predicted.real * (time - time[k]))
+                seen = (time >= time[2]) & (rate > 0.3 * largest.min())
+                axes.semilogy(time[seen], 1e6 * rate[seen], "k--", lw=1.2, label="rate of the predicted pole")
         axes.set_title(name)
         axes.set_xlabel("time (s)")
     for axes in grid[len(shown) :]:
         axes.axis("off")
     for axes in grid[::COLUMNS]:
-        axes.set_ylabel("fine displacement (µm)" if what == "fine" else "payload rotation (µrad)")
+        axes.set_ylabel("fine displacement (µm)")
     grid[-1].legend(*grid[0].get_legend_handles_labels(), loc="center")
-    figure.suptitle("After a pulse on the bus, isolator with 20 ms delay unless said otherwise")
-
-
-def _draw_fine(axes: Axes, r: PulseResponse) -> None:
-    time, largest = _envelope(r.time, np.abs(r.fine).max(axis=1))
-    axes.semilogy(time, 1e6 * largest, color=_colour(r), label=_label(r))
-    if r.enabled:
-        # Through the end of an unstable motion; through the start of a stable one, from the end of the pulse on.
-        k = -1 if r.predicted.real > 0.0 else 2
-        rate = largest[k] * np.exp(r.predicted.real * (time - time[k]))
-        shown = (time >= time[2]) & (rate > 0.3 * largest.min())
-        axes.semilogy(time[shown], 1e6 * rate[shown], "k--", lw=1.2, label="rate of the predicted pole")
-
-
-def _draw_payload(axes: Axes, r: PulseResponse) -> None:
-    axes.plot(r.time, 1e6 * r.rotation[:, 0], color=_colour(r), lw=1.2, label=_label(r))
+    figure.suptitle(AFTER)
 
 
 def _envelope(time: Array, values: Array) -> tuple[Array, Array]:
@@ -182,43 +177,28 @@ def _envelope(time: Array, values: Array) -> tuple[Array, Array]:
     return time[starts[:-1]], np.maximum.reduceat(values, starts)[:-1]
 
 
-def _colour(r: PulseResponse) -> str:
-    return ACTIVE if r.enabled else PASSIVE
-
-
-def _label(r: PulseResponse) -> str:
-    return "isolator on" if r.enabled else "isolator off"
-
-
-def response_pictures(folder: Path, responses: Sequence[PulseResponse]) -> list[Picture]:
-    """Paint fine legs and payload into a folder."""
-    return paint_pictures(
-        folder,
-        "stability",
-        (
-            "fine",
-            "Largest displacement of a fine leg; dashed: rate of the predicted pole. In the end only the modes of "
-            "the arrays are left, with time constants of 20 to 70 s; with large damping from 0.6 s on.",
-            (14.0, 8.0), paint_response, responses, "fine",
-        ),
-        (
-            "payload", "Rotation of the payload about the first axis.",
-            (14.0, 8.0), paint_response, responses, "payload",
-        ),
-    )  # fmt: skip
+def draw_fine_legs(folder: Path, responses: Sequence[PulseResponse]) -> list[Picture]:
+    """The picture of the fine legs, painted into a folder."""
+    caption = (
+        "Largest displacement of a fine leg; dashed: rate of the predicted pole. In the end only the modes of the "
+        "arrays are left, with time constants of 20 to 70 s; with large damping from 0.6 s on."
+    )
+    return paint_pictures(folder, "stability", ("fine", caption, (14.0, 8.0), paint_fine_legs, responses))
 
 
 def explore_responses(responses: Sequence[PulseResponse]) -> Exploration:
     """Charts of the payload's rotation and of a fine leg, one for each case, isolator off and on."""
     axis = Axis("time", "s", responses[0].time)
+    title = "Payload about axis x after a pulse on the bus, 20 ms delay unless said otherwise"
+    still = Still("stability_payload.png", title, caption="Rotation of the payload about the first axis.")
     groups = []
-    for title, unit, motion in (
-        ("Rotation of the payload about axis x of P", "rad", "rotation"),
-        ("Displacement of fine leg 1", "m", "fine"),
+    for title, unit, motion, stills in (
+        ("Rotation of the payload about axis x of P", "rad", "rotation", [still]),
+        ("Displacement of fine leg 1", "m", "fine", []),
     ):
-        charts = []
-        for name, compared in compare_by_name(responses).items():
-            lines = [(_label(r), "active" if r.enabled else "passive", getattr(r, motion)[:, 0]) for r in compared]
-            charts.append(Chart(name, unit, [Curve(*line) for line in lines]))
-        groups.append(ChartGroup(title, "After a pulse on the bus.", axis, charts))
+        charts = [
+            Chart(name, unit, [Curve(LABELS[r.mode], r.mode, getattr(r, motion)[:, 0]) for r in compared])
+            for name, compared in compare_by_name(responses).items()
+        ]
+        groups.append(ChartGroup(title, "After a pulse on the bus.", axis, charts, stills=stills))
     return Exploration(groups)

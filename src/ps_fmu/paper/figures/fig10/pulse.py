@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....disturbance.recording import HEADER as RECORDING
-from ....interface.parameter_sets import build_plant_and_isolator
+from ....interface.start_values import build_plant_and_isolator
 from ....mechanism.parameters import Array
 from ....pointing.response import rightmost, slowest_mode
 from ....runs.cases import Case, Outcome, run_case
@@ -96,6 +96,11 @@ class PulseResponse:
     def rms(self) -> float:
         """RMS of the payload's rotation from the start of the pulse on, rad, over the three axes."""
         return float(np.sqrt(np.mean(np.sum(self.rotation**2, axis=1))))
+
+    @property
+    def mode(self) -> str:
+        """``active`` or ``passive``."""
+        return "active" if self.enabled else "passive"
 
     @property
     def name(self) -> str:

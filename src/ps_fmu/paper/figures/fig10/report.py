@@ -9,8 +9,9 @@ import numpy as np
 from tqdm import tqdm
 
 from ....analyses.finding import Finding
-from ....analyses.options import AnalysisOptions
 from ....analyses.result import AnalysisResult, paint_pictures, tabulate
+from ....analyses.table import AnalysisOptions
+from ....results.figures import draw_exploration
 from ....results.tables import Table, format_number
 from ....runs.options import OptionError
 from ....runs.publish import Findings
@@ -22,17 +23,9 @@ from ....theory.loop import Loop, Margins
 from ...bus_cases import CASES, SUSPENSION
 from ...cosimulation import hold_run
 from ...published import make_finding
+from . import plots
 from .closed_form import BAND, LONGEST, WIDE, LoopVerdict, judge, least_gain_ratio_db
 from .open_loop import SHAKING, OpenLoop, measure_open_loops
-from .plots import (
-    DRAWN,
-    distance_beyond,
-    explore_responses,
-    paint_bode,
-    paint_nyquist,
-    paint_sensitivity,
-    response_pictures,
-)
 from .pulse import PulseResponse, list_cases, load_shaken_system, measure, paper_delay_s
 
 __all__ = ["analyse", "find", "list_cases"]
@@ -65,8 +58,8 @@ def find(run: Run) -> Findings:
         outcomes=[r.outcome for r in responses],
         orientation_deg=(0.0, 0.0, 0.0),
         more={"responses": [r.entry for r in responses]},
-        draw=lambda folder: response_pictures(folder, responses),
-        explore=lambda _path: explore_responses(responses),
+        draw=lambda folder: plots.draw_fine_legs(folder, responses),
+        explore=lambda _path: plots.explore_responses(responses),
     )
 
 
@@ -93,22 +86,23 @@ def analyse(
                 (
                     "bode", "Fig 10: element (1, 1) of the loop transfer matrix with the delay; dots: measured on the "
                     "FMUs.",
-                    (10.0, 8.0), paint_bode, verdicts, opened,
+                    (10.0, 8.0), plots.paint_bode, verdicts, opened,
                 ),
                 (
                     "nyquist",
                     "det(E - L) along the imaginary axis: stable if the curve does not go round the origin. Arrows: "
-                    f"rising frequency. What is not drawn, above {DRAWN:g} Hz, stays within "
-                    f"{distance_beyond(verdicts):.2f} of one.",
-                    (13.0, 10.5), paint_nyquist, verdicts,
+                    f"rising frequency. What is not drawn, above {plots.DRAWN:g} Hz, stays within "
+                    f"{plots.distance_beyond(verdicts):.2f} of one.",
+                    (13.0, 10.5), plots.paint_nyquist, verdicts,
                 ),
                 (
                     "sensitivity",
                     "Sensitivity S of (48), and the small-gain condition (62) with T of (63) and its bound (64).",
-                    (10.0, 9.0), paint_sensitivity, verdicts,
+                    (10.0, 9.0), plots.paint_sensitivity, verdicts,
                 ),
             ),
-            *response_pictures(options.output, responses),
+            *plots.draw_fine_legs(options.output, responses),
+            *draw_exploration(plots.explore_responses(responses), options.output),
         ],
         data={
             "delay_s": delay,

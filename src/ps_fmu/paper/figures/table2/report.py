@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ....analyses.finding import Finding
-from ....analyses.options import AnalysisOptions
 from ....analyses.result import AnalysisResult, paint_pictures, tabulate
-from ....interface.parameter_sets import list_departures
+from ....analyses.table import AnalysisOptions
+from ....interface.start_values import list_departures
 from ....mechanism.parameters import Array, load
 from ....results.figures import draw_table
 from ....results.report import Picture
@@ -25,30 +25,10 @@ from ....scenarios.comparison import HEADER, Comparison, explain_refusal, make_r
 from ....scenarios.exploration import explore_comparisons
 from ...cosimulation import hold_run
 from ...published import make_finding, published_numbers
-from .closed_form import (
-    LOOP_DELAY,
-    ORIENTATIONS,
-    closed_form,
-    knowledge_text,
-    published_value,
-    rejection,
-    second_axis_text,
-)
+from . import closed_form, runs
+from .closed_form import LOOP_DELAY, ORIENTATIONS, published_value, rejection
 from .plots import paint_cumulative, paint_image, paint_rms
-from .runs import (
-    EDGES,
-    NOMINAL,
-    USUAL_PERIOD_S,
-    Measurement,
-    OrientationResult,
-    compute_results,
-    deviation_percent,
-    list_cases,
-    measure,
-    name_orientation,
-    nominal_densities,
-    shares,
-)
+from .runs import OrientationResult, list_cases, measure
 
 __all__ = ["analyse", "find", "list_cases"]
 
@@ -66,15 +46,15 @@ def find(run: Run) -> Findings:
     found = measured.comparisons
     table = comparison_table(found)
     refused = [explain_refusal(comparison.target_deg) for comparison in found.values() if not comparison.reachable]
-    remarks = [_window_text(measured), _drift_text(found.values()), describe_second_axis(measured.system, found)]
-    text = [HOW, *refused, *remarks, *published_remarks()]
+    remarks = [runs.describe_window(measured), runs.describe_drift(found.values())]
+    text = [HOW, *refused, *remarks, describe_second_axis(measured.system, found), *published_remarks()]
 
     def draw(folder: Path) -> list[Picture]:
         path = folder / "table2.png"
         draw_table(path, table.header, table.rows, title="Table 2: published and co-simulated")
         return [Picture(path, "Published and co-simulated values.")]
 
-    nominal = found[NOMINAL]
+    nominal = found[runs.NOMINAL]
     return Findings(
         title="Table 2: four orientations, passive and active",
         printed="\n".join([table.to_text(), *text[1:]]),
@@ -102,7 +82,7 @@ def find(run: Run) -> Findings:
         },
         draw=draw,
         explore=partial(
-            explore_comparisons, {name_orientation(c.target_deg): c for c in found.values()}, measured.system
+            explore_comparisons, {runs.name_orientation(c.target_deg): c for c in found.values()}, measured.system
         ),
         refused="\n".join(refused),
     )
@@ -158,37 +138,7 @@ def describe_second_axis(system: RunSystem, found: Mapping[str, Comparison]) -> 
             f"Parameter files set {others[0]}{f' and {len(others) - 1} more' if others[1:] else ''}: the runs are of "
             "that system; the columns 'published' and 'identified', and what differs from them, are of the paper's."
         )
-    return second_axis_text({name: comparison.rms_active for name, comparison in found.items()})
-
-
-def _window_text(measured: Measurement) -> str:
-    first, period = measured.start_s, measured.period_s
-    text = (
-        f"Statistics from {first:g} s, when the disturbance has risen and what that shook has settled, to "
-        f"{first + measured.duration_s:g} s"
-    )
-    periods = measured.duration_s / period
-    if periods > 0.5 and abs(periods - round(periods)) < 1e-9:
-        coarse = (
-            f" In periods below {USUAL_PERIOD_S:g} s few lines lie at the lowest frequencies, where the motion is: the "
-            "values are not those of Table 2."
-        )
-        return f"{text}: {round(periods)} of its periods.{coarse if period < USUAL_PERIOD_S else ''}"
-    return f"{text}: not a whole number of its periods of {period:g} s, so the values are not those of Table 2."
-
-
-def _drift_text(found: Iterable[Comparison]) -> str:
-    """The largest difference between the halves of the window, over the RMS."""
-    ratios = [
-        np.abs(jitter.drift) / np.where(jitter.statistics.rms > 0.0, jitter.statistics.rms, np.nan)
-        for comparison in found
-        for jitter in (comparison.passive, comparison.active)
-    ]
-    largest = format_number(100.0 * float(np.max(ratios)), ".2f")
-    return (
-        "Drift: the weighted means over the second and the first half of the window differ by "
-        f"{largest} % of the RMS at most (any axis, orientation, passive or active)."
-    )
+    return closed_form.second_axis_text({name: comparison.rms_active for name, comparison in found.items()})
 
 
 def analyse(options: AnalysisOptions, scenario: Scenario = SCENARIOS["table2"]) -> AnalysisResult:
@@ -196,8 +146,8 @@ def analyse(options: AnalysisOptions, scenario: Scenario = SCENARIOS["table2"]) 
     with hold_run(options, scenario) as run:
         measured = measure(Run(run))
     parameters = load()
-    results = compute_results(parameters, measured, run.step_s, options.seed)
-    densities = nominal_densities(parameters, run.step_s)
+    results = runs.compute_results(parameters, measured, run.step_s, options.seed)
+    densities = runs.nominal_densities(parameters, run.step_s)
     return AnalysisResult(
         name="jitter",
         title="Jitter: Table 2 and Fig 9",
@@ -334,7 +284,7 @@ def _knowledge_table() -> Table:
     rows = [
         (
             name,
-            *(f"{value:.3e}" for value in closed_form("nominal", knows)[1].rms),
+            *(f"{value:.3e}" for value in closed_form.closed_form("nominal", knows)[1].rms),
             *(f"{value:.2f}" for value in rejection("nominal", knows)),
         )
         for name, knows in (("as identified", False), ("true", True))
@@ -351,11 +301,11 @@ def _agreement_table(results: Mapping[str, OrientationResult]) -> Table:
             *PLACE,
             ("passive RMS (rad): from the lines", lambda at: f"{at.of.lines[0].rms[at.axis]:.4e}"),
             ("co-simulated", lambda at: f"{at.of.rms[0, at.axis]:.4e}"),
-            ("difference (%)", lambda at: f"{deviation_percent(at.of)[0, at.axis]:+.2f}"),
+            ("difference (%)", lambda at: f"{runs.deviation_percent(at.of)[0, at.axis]:+.2f}"),
             ("active RMS (rad): from the density", lambda at: f"{at.of.delayed.rms[at.axis]:.4e}"),
             ("from the lines", lambda at: f"{at.of.lines[1].rms[at.axis]:.4e}"),
             ("co-simulated", lambda at: f"{at.of.rms[1, at.axis]:.4e}"),
-            ("difference (%)", lambda at: f"{deviation_percent(at.of)[1, at.axis]:+.2f}"),
+            ("difference (%)", lambda at: f"{runs.deviation_percent(at.of)[1, at.axis]:+.2f}"),
         ),
     )
 
@@ -380,10 +330,10 @@ def _image_table(results: Mapping[str, OrientationResult]) -> Table:
 def _share_table(densities: list[tuple[Array, Array]]) -> Table:
     """Shares of the variance by band; ``densities``: frequency and density, passive and active."""
     header = ("band (Hz)", *(f"{case} {axis}" for case in ("passive", "active") for axis in (1, 2, 3)))
-    found = np.concatenate([shares(*density) for density in densities], axis=1)
+    found = np.concatenate([runs.shares(*density) for density in densities], axis=1)
     rows = [
         (f"{low:g} to {high:g}", *(f"{value:.2f}" for value in row))
-        for low, high, row in zip(EDGES[:-1], EDGES[1:], found, strict=True)
+        for low, high, row in zip(runs.EDGES[:-1], runs.EDGES[1:], found, strict=True)
     ]
     caption = (
         f"Share of the variance by frequency at (0, 0, 0), percent; closed form with {LOOP_DELAY:g} steps of delay"
@@ -393,10 +343,10 @@ def _share_table(densities: list[tuple[Array, Array]]) -> Table:
 
 def paragraphs(results: Mapping[str, OrientationResult], densities: list[tuple[Array, Array]]) -> list[str]:
     """What was computed and measured, and what follows."""
-    worst = [float(np.abs(deviation_percent(r)).max(axis=1)[k]) for k in (0, 1) for r in results.values()]
+    worst = [float(np.abs(runs.deviation_percent(r)).max(axis=1)[k]) for k in (0, 1) for r in results.values()]
     half = len(results)
     fitted = [r.fitted_delay for r in results.values()]
-    passive, active = (shares(*density) for density in densities)
+    passive, active = (runs.shares(*density) for density in densities)
     others = 100.0 * np.array(
         [r.rms[1, [0, 2]] / published_value(r.name, "active")[[0, 2]] - 1.0 for r in results.values()]
     )
@@ -419,8 +369,8 @@ def paragraphs(results: Mapping[str, OrientationResult], densities: list[tuple[A
         f"variance lie below 0.2 Hz, the rigid motion of the bus; {active[2].min():.0f} to {active[2].max():.0f} % of "
         "the active variance lie between 2 and 20 Hz: the resonance of the fine legs, and the delay of the low-pass "
         "M(s) there.",
-        knowledge_text(),
-        second_axis_text({r.name: r.rms[1] for r in results.values()}),
+        closed_form.knowledge_text(),
+        closed_form.second_axis_text({r.name: r.rms[1] for r in results.values()}),
         "On the other axes the active RMS of the runs differs from the published one by "
         f"{others.min():+.0f} to {others.max():+.0f} %, most at {format_angles(ORIENTATIONS[farthest])} deg.",
         *published_remarks(),

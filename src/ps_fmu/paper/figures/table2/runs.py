@@ -9,7 +9,7 @@ that shakes dies away.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,9 +18,10 @@ from scipy.integrate import cumulative_trapezoid
 from ....disturbance import multisine_lines, psd_at_origin
 from ....mechanism.parameters import Array, Parameters
 from ....pointing.spectra import rejection_percent
+from ....results.tables import format_number
 from ....runs.run import Run
 from ....runs.setup import MULTISINE, RunSystem
-from ....scenarios.comparison import CASES, Comparison, compare
+from ....scenarios.comparison import CASES, Comparison, compare, run_cases
 from ....theory.loop import loop_at
 from ....theory.transmissibility import Jitter, jitter, jitter_density, jitter_of_lines
 from .closed_form import LOOP_DELAY, ORIENTATIONS, closed_form
@@ -66,14 +67,18 @@ def measure(run: Run, *, explored: bool = False) -> Measurement:
     lead_steps = math.ceil(lead_s / options.step_s - 1e-6)
     found = {
         name: compare(
-            system,
-            options,
-            np.radians(target_deg),
-            lead_steps=lead_steps,
-            prefix=name_orientation(target_deg),
-            explored=explored and name == NOMINAL,
+            target,
+            run_cases(
+                system,
+                options,
+                target,
+                lead_steps=lead_steps,
+                prefix=name_orientation(target_deg),
+                explored=explored and name == NOMINAL,
+            ),
         )
         for name, target_deg in ORIENTATIONS.items()
+        for target in (np.radians(target_deg),)
     }
     return Measurement(system, found, lead_steps * options.step_s, options.duration_s)
 
@@ -92,6 +97,37 @@ def period_s(duration_s: float) -> float:
 def name_orientation(orientation: Triple) -> str:
     """What the names of runs and pictures of an orientation (deg) begin with."""
     return "roll{:g}_pitch{:g}_yaw{:g}_".format(*orientation)
+
+
+def describe_window(measured: Measurement) -> str:
+    """When the statistics were taken, and whether in whole periods: a sentence or two."""
+    first, period = measured.start_s, measured.period_s
+    text = (
+        f"Statistics from {first:g} s, when the disturbance has risen and what that shook has settled, to "
+        f"{first + measured.duration_s:g} s"
+    )
+    periods = measured.duration_s / period
+    if periods > 0.5 and abs(periods - round(periods)) < 1e-9:
+        coarse = (
+            f" In periods below {USUAL_PERIOD_S:g} s few lines lie at the lowest frequencies, where the motion is: the "
+            "values are not those of Table 2."
+        )
+        return f"{text}: {round(periods)} of its periods.{coarse if period < USUAL_PERIOD_S else ''}"
+    return f"{text}: not a whole number of its periods of {period:g} s, so the values are not those of Table 2."
+
+
+def describe_drift(found: Iterable[Comparison]) -> str:
+    """The largest difference between the halves of the window, over the RMS."""
+    ratios = [
+        np.abs(jitter.drift) / np.where(jitter.statistics.rms > 0.0, jitter.statistics.rms, np.nan)
+        for comparison in found
+        for jitter in (comparison.passive, comparison.active)
+    ]
+    largest = format_number(100.0 * float(np.max(ratios)), ".2f")
+    return (
+        "Drift: the weighted means over the second and the first half of the window differ by "
+        f"{largest} % of the RMS at most (any axis, orientation, passive or active)."
+    )
 
 
 @dataclass(frozen=True, eq=False)
