@@ -17,7 +17,7 @@ from pathlib import Path
 
 from .cosim.checkpoint import add_checkpoint_options
 from .cosim.errors import CosimError, MissingFmuError, UsageError
-from .cosim.isolation.instance import add_isolation_options, read_isolation
+from .cosim.isolation.instance import add_isolation_options
 from .cosim.schemes.scheme import add_scheme_options, read_scheme
 from .cosim.ssp.reading import read_system
 from .product.files import list_system_files
@@ -36,8 +36,10 @@ ABOUT = (
     "system structure description, libcosim's OspSystemStructure.xml, a folder with one of these, or a single FMU.  "
     "This loads the libraries of the FMUs and runs their code, which can do all that you can."
 )
-_NOT_GIVEN = ("run", "what", "output", "resume", "isolate", "isolate_only", "step_timeout", "call_timeout",
-              "scheme", "extrapolate", "rate", "solver", "tolerance", "error_estimate")  # fmt: skip
+_NOT_GIVEN = (
+    *("run", "what", "output", "resume", "isolate", "isolate_only"),
+    *("scheme", "extrapolate", "rate", "solver", "tolerance", "error_estimate"),
+)
 """Arguments that are read by functions of their own; the others are those of ``make_options``."""
 
 
@@ -154,12 +156,12 @@ def _add_results(group: argparse._ArgumentGroup) -> None:
 def read_options(arguments: argparse.Namespace) -> RunOptions:
     """Checked options, with an output folder that can be written.  Raises OptionError."""
     try:
-        isolation, scheme = read_isolation(arguments), read_scheme(arguments)
+        scheme = read_scheme(arguments)
     except UsageError as error:
         raise OptionError(str(error)) from error
     given = {name: value for name, value in vars(arguments).items() if name not in _NOT_GIVEN}
-    output = _choose_output(arguments)
-    return make_options(arguments.what, output, isolation=isolation, scheme=scheme, **given).claim_output()
+    given["isolate"] = arguments.isolate or arguments.isolate_only
+    return make_options(arguments.what, _choose_output(arguments), scheme=scheme, **given).claim_output()
 
 
 def read_resumed(arguments: argparse.Namespace, defaults: argparse.Namespace) -> RunOptions:

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import netCDF4
 import numpy as np
 import pytest
+from ps_fmu.runs.execute import run_scenario
 
 from ps_fmu.analyses.table import AnalysisOptions
 from ps_fmu.cosim import read_parameters, read_system
@@ -22,7 +23,6 @@ from ps_fmu.paper.figures.fig10.pulse import PULSE_S
 from ps_fmu.paper.figures.fig10.report import analyse
 from ps_fmu.paper.published import published_numbers
 from ps_fmu.pointing.response import Response
-from ps_fmu.runs.execute import run_scenario
 from ps_fmu.runs.options import OptionError
 from ps_fmu.runs.scenario import SCENARIOS
 from ps_fmu.scenarios.shaking import Shaking
