@@ -74,6 +74,7 @@ def parser() -> argparse.ArgumentParser:
     top.add_argument("--version", action="version", version=f"ps-fmu {__version__}")
     top.add_argument(
         "--print-completion", action=_PrintCompletion, choices=("bash", "zsh"), metavar="SHELL",
+        default=argparse.SUPPRESS,
         help="print what has bash or zsh complete names and options, see docs/guides/installing.md",
     )  # fmt: skip
     commands: argparse._SubParsersAction[Any] = top.add_subparsers(
