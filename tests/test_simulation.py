@@ -147,8 +147,8 @@ def test_a_plot_has_a_row_for_each_component_and_a_line_for_each_case(result):
     assert [[line.get_label() for line in axes.lines] for axes in figure.axes] == [["passive", "active"]] * 3
     factor = {"rad": 1.0, "mrad": 1e3, "\N{MICRO SIGN}rad": 1e6, "nrad": 1e9, "prad": 1e12}
     for place, axes in enumerate(figure.axes):
-        name, _, unit = axes.get_ylabel().partition(" ")
-        shown = result.passive["payload_rotation"].sel(axis=name).values * factor[unit.strip("()")]
+        name = axes.get_title(loc="left") or axes.get_title()
+        shown = result.passive["payload_rotation"].sel(axis=name).values * factor[axes.get_ylabel()]
         assert name == "xyz"[place]
         np.testing.assert_allclose(axes.lines[0].get_ydata(), shown, rtol=1e-12)
     assert figure._repr_png_().startswith(b"\x89PNG")

@@ -7,6 +7,7 @@ Ctrl-C or SIGTERM (results so far are kept).
 from __future__ import annotations
 
 import argparse
+import errno
 import shlex
 import sys
 from collections.abc import Sequence
@@ -16,7 +17,7 @@ from pathlib import Path
 
 from .cosim.checkpoint import add_checkpoint_options
 from .cosim.errors import CosimError, MissingFmuError, UsageError
-from .cosim.isolation.instance import add_isolation_options, read_isolation
+from .cosim.isolation.instance import add_isolation_options
 from .cosim.schemes.scheme import add_scheme_options, read_scheme
 from .cosim.ssp.reading import read_system
 from .product.files import list_system_files
@@ -24,7 +25,7 @@ from .runs.built_fmus import find_built_folder
 from .runs.keeping import read_run
 from .runs.options import OptionError, RunOptions, claim_folder, make_options, name_option
 from .runs.output import hold_folder, leave_no_empty_folder, report_end
-from .runs.run import execute
+from .runs.run import build_fmus, execute
 from .runs.scenario import SCENARIOS
 from .slavekit.pack.errors import BuildError
 from .terminal import read_output, reason
@@ -35,8 +36,10 @@ ABOUT = (
     "system structure description, libcosim's OspSystemStructure.xml, a folder with one of these, or a single FMU.  "
     "This loads the libraries of the FMUs and runs their code, which can do all that you can."
 )
-_NOT_GIVEN = ("run", "what", "output", "resume", "isolate", "isolate_only", "step_timeout", "call_timeout",
-              "scheme", "extrapolate", "rate", "solver", "tolerance", "error_estimate")  # fmt: skip
+_NOT_GIVEN = (
+    *("run", "what", "output", "resume", "isolate", "isolate_only"),
+    *("scheme", "extrapolate", "rate", "solver", "tolerance", "error_estimate"),
+)
 """Arguments that are read by functions of their own; the others are those of ``make_options``."""
 
 
@@ -153,12 +156,12 @@ def _add_results(group: argparse._ArgumentGroup) -> None:
 def read_options(arguments: argparse.Namespace) -> RunOptions:
     """Checked options, with an output folder that can be written.  Raises OptionError."""
     try:
-        isolation, scheme = read_isolation(arguments), read_scheme(arguments)
+        scheme = read_scheme(arguments)
     except UsageError as error:
         raise OptionError(str(error)) from error
     given = {name: value for name, value in vars(arguments).items() if name not in _NOT_GIVEN}
-    output = _choose_output(arguments)
-    return make_options(arguments.what, output, isolation=isolation, scheme=scheme, **given).claim_output()
+    given["isolate"] = arguments.isolate or arguments.isolate_only
+    return make_options(arguments.what, _choose_output(arguments), scheme=scheme, **given).claim_output()
 
 
 def read_resumed(arguments: argparse.Namespace, defaults: argparse.Namespace) -> RunOptions:
@@ -199,10 +202,11 @@ def run(arguments: argparse.Namespace, command_line: argparse.ArgumentParser) ->
             stack.enter_context(hold_folder(options.output, options.resume))
         except OptionError as error:
             command_line.error(str(error))
-        except OSError as error:  # the product's files or the user's home are not there
+        except OSError as error:  # the product's files or the user's home are not there, or no file has such a name
             print(f"{program}: {reason(error)}", file=sys.stderr)
-            return 1
+            return 2 if error.errno == errno.ENAMETOOLONG else 1
         try:
+            build_fmus(options)
             done = execute(options)
         except KeyboardInterrupt:
             return report_end(program, "interrupted", options.output, 130)

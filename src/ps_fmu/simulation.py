@@ -8,52 +8,25 @@ from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from types import TracebackType
-from typing import Self, TypedDict, Unpack
+from typing import Self, Unpack
 
 import numpy as np
 
-from .cosim.errors import UsageError
-from .cosim.isolation.instance import make_isolation
-from .cosim.schemes.scheme import Scheme
-from .cosim.structure import Value, suggest_names
+from .cosim.structure import Value
 from .result import Result, read_folder, write_values
-from .runs.options import PARAMETERS, OptionError, RunOptions, claim_folder, make_options
+from .runs.options import PARAMETERS, GivenOptions, OptionError, claim_folder, make_options
 from .runs.output import hold_folder, leave_no_empty_folder
 from .runs.run import Run, SharedSystem, build_fmus, execute, find
-
-
-class RunKeywords(TypedDict, total=False):
-    """Options of a run in Python, see :func:`simulate`."""
-
-    duration: float | None
-    step: float | None
-    parameter_files: Sequence[str | PathLike[str]]
-    apart: Sequence[str]
-    disturbance: str | PathLike[str] | None
-    system: str | PathLike[str] | None
-    scheme: str | Scheme
-    storage_step: float | None
-    observe: str | Sequence[str]
-    requirements: str | PathLike[str] | None
-    inputs: str | PathLike[str] | None
-    faults: str | PathLike[str] | None
-    isolate: bool | Sequence[str]
-    step_timeout: float | None
-    progress: bool
 
 
 def simulate(
     scenario: str = "isolation",
     *,
     parameters: Mapping[str, Value] | None = None,
-    seed: int | None = None,
     cases: Sequence[str] = (),
     output: str | PathLike[str] | None = None,
-    checkpoint: float | None = None,
     resume: bool = False,
-    source: str | PathLike[str] | None = None,
-    anew: Sequence[str] = (),
-    **options: Unpack[RunKeywords],
+    **options: Unpack[GivenOptions],
 ) -> Result:
     """Run a scenario; its results, whether they meet requirements or not.
 
@@ -99,30 +72,25 @@ def simulate(
     OptionError: an argument cannot be used; the message names it as on the command line.
     BuildError, CosimError, OSError, ValueError: the FMUs cannot be built or run, or results cannot be written.
     """
-    if resume and (output is None or checkpoint is None):
+    keeps = options.get("checkpoint") is not None
+    if resume and (output is None or not keeps):
         raise OptionError("resume: expected the output folder of the run, and the time between checkpoints")
-    if output is None and checkpoint is not None:
-        raise OptionError("checkpoint: expected an output folder, too: checkpoints lie there")
-    begin, without = None if source is None else Path(source), tuple(anew)
     options.setdefault("progress", True)
     if output is None:
         with Session(scenario, **options) as session:
-            session.options = replace(session.options, source=begin, anew=without)
-            return session.run(parameters, seed=seed, cases=cases)
+            return session.run(parameters, cases=cases)
     if cases:
         raise OptionError("cases: a run with an output folder has all cases of the scenario")
     folder = read_folder(output)
     shown: list[str] = []
     with leave_no_empty_folder(folder), hold_folder(claim_folder(folder), resume):
-        chosen = _make_options(scenario, folder, options)
+        chosen = make_options(scenario, folder, **options)
         if parameters:
             path = folder / PARAMETERS
             write_values(path, _check_values(parameters), resume)
             chosen = replace(chosen, parameters=(*chosen.parameters, path))
-        seed = chosen.seed if seed is None else seed
-        chosen = replace(
-            chosen, seed=seed, checkpoint_s=checkpoint, resume=resume, figures=False, source=begin, anew=without
-        )
+        chosen = replace(chosen, resume=resume, figures=False)
+        build_fmus(chosen)
         done = execute(chosen, shown.append)
     return Result(folder, "\n".join([*shown, *([done.refused] if done.refused else [])]))
 
@@ -143,10 +111,13 @@ class Session:
     BuildError, CosimError, OSError: the FMUs cannot be built, or the system cannot be read.
     """
 
-    def __init__(self, scenario: str = "isolation", **options: Unpack[RunKeywords]) -> None:
+    def __init__(self, scenario: str = "isolation", **options: Unpack[GivenOptions]) -> None:
         self._folder = tempfile.TemporaryDirectory(prefix="ps_fmu_")  # some scenarios hand a file to an FMU
         try:
-            self.options = _make_options(scenario, Path(self._folder.name), {"progress": False, **options})
+            options.setdefault("progress", False)
+            if options.get("checkpoint") is not None:
+                raise OptionError("checkpoint: expected an output folder, too: checkpoints lie there")
+            self.options = make_options(scenario, Path(self._folder.name), **options)
             build_fmus(self.options)
             self._shared = SharedSystem(self.options)
         except BaseException:
@@ -185,20 +156,6 @@ class Session:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
-
-
-def _make_options(scenario: str, folder: Path, given: RunKeywords) -> RunOptions:
-    """Checked options.  Raises OptionError, and TypeError for a keyword that there is not."""
-    for name in given:
-        if name not in RunKeywords.__annotations__:
-            raise TypeError(f"there is no argument {name!r}{suggest_names(name, RunKeywords.__annotations__)}")
-    isolate = given.get("isolate", False)
-    others = {name: value for name, value in given.items() if name not in ("isolate", "step_timeout")}
-    try:
-        isolation = make_isolation([isolate] if isinstance(isolate, str) else isolate, given.get("step_timeout"))
-    except UsageError as error:
-        raise OptionError(str(error)) from error
-    return make_options(scenario, folder, isolation=isolation, **others)  # type: ignore[arg-type]  # names are checked
 
 
 def _check_values(values: Mapping[str, Value]) -> dict[str, Value]:

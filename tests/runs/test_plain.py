@@ -200,7 +200,7 @@ def test_a_run_that_fails_keeps_its_rows(failing, tmp_path, capsys):
     out = tmp_path / "out"
     assert run(failing("nan"), "--step", "0.01", "--duration", "1", "--output", out) == 1
     error = capsys.readouterr().err
-    assert "f: not a finite number at t = 0.06 s" in error
+    assert "f: not a finite number at t = 0.06 s" in error and "stopped at t = 0.06 s" in error
     assert f"results so far: {out / 'results.nc'}" in error
     assert len(read(out)["time"]) == 6
 
@@ -423,3 +423,22 @@ def test_a_plot_of_an_earlier_run_does_not_stay(archive, tmp_path, capsys):
 def test_a_refused_run_leaves_no_empty_folder(archive, tmp_path, capsys):
     assert run(archive, "--step", "0.1", "--observe", "none*", "--output", tmp_path / "a" / "b") == 2
     assert not (tmp_path / "a").exists()
+
+
+def test_an_fmu_without_outputs_leaves_its_times(tmp_path):
+    script = tmp_path / "quiet.py"
+    script.write_text(
+        "from pythonfmu import Fmi2Causality, Fmi2Slave, Real\n"
+        "class Quiet(Fmi2Slave):\n"
+        "    def __init__(self, **given):\n"
+        "        super().__init__(**given)\n"
+        "        self.u = 0.0\n"
+        "        self.register_variable(Real('u', causality=Fmi2Causality.input))\n"
+        "    def do_step(self, t, h):\n"
+        "        return True\n"
+    )
+    fmu, out = FmuBuilder.build_FMU(script, dest=tmp_path), tmp_path / "out"
+    assert main(["run", str(fmu), "--step", "0.125", "--duration", "1", "--no-figures", "--output", str(out)]) == 0
+    with netCDF4.Dataset(out / "results.nc") as file:
+        assert list(file["run"].variables) == ["time"]
+        np.testing.assert_array_equal(file["run/time"][:], np.arange(9) * 0.125)

@@ -1,5 +1,6 @@
 """results.nc stands alone: where it comes from, the start values; complete or interrupted."""
 
+import doctest
 import hashlib
 import json
 import re
@@ -20,7 +21,7 @@ from ps_fmu.runs.cases import Case, run_case
 from ps_fmu.runs.origin import format_command
 from ps_fmu.runs.run import execute
 from ps_fmu.runs.setup import load_system
-from ps_fmu.runs.stored_rows import finish_file
+from ps_fmu.runs.stored_rows import finish_file, make_stored_names, rename_columns
 
 VALUES = {"plant.payload.mass": 20.0, "disturbance.seed": 7}
 ROOT = Path(__file__).parents[2]
@@ -259,3 +260,38 @@ def test_the_rules_of_cf_that_are_claimed(done, group):
                 "time", "T", "standard", ("time",)
             )  # fmt: skip
             assert (np.diff(time[:]) > 0.0).all()
+
+
+def test_names_for_netcdf():
+    found = make_stored_names(["a/b", "a_b", "time", " x", "y ", "\t", "e\u0301", "+z", "0"])
+    assert found == {
+        "a/b": "a_b", "a_b": "a_b_2", "time": "time_2", " x": "_ x", "y ": "y", "\t": "_", "e\u0301": "\u00e9",
+        "+z": "_+z", "0": "0",
+    }  # fmt: skip
+
+
+def test_long_names_are_cut_and_told_apart(tmp_path):
+    """As of Modelica: netCDF takes 256 bytes; the description has the whole name."""
+    names = [f"plant.{'body.frame.' * 40}{end}" for end in ("x", "y")] + ["plant." + "\u00e4" * 300]
+    found = make_stored_names(names)
+    assert len(set(found.values())) == 3
+    with netCDF4.Dataset(tmp_path / "a.nc", "w") as file:
+        for name in found.values():
+            file.createVariable(name, "f8", ())
+    column = rename_columns([Column(names[0], "m", "Real", "Place")])[0]
+    assert column.description == f"{names[0]}: Place"
+
+
+DOCUMENT = Path(__file__).parents[2] / "docs" / "results.md"
+
+
+@pytest.mark.filterwarnings("error")
+def test_the_examples_of_the_document_run(make_options, monkeypatch, tmp_path):
+    options = make_options("isolation", 7.0, step_s=1e-3)
+    execute(options)
+    (tmp_path / "results").mkdir()
+    (tmp_path / "results" / "isolation").symlink_to(options.output)
+    monkeypatch.chdir(tmp_path)
+    found = doctest.testfile(str(DOCUMENT), module_relative=False)
+    assert found.attempted > 8
+    assert found.failed == 0

@@ -34,6 +34,7 @@ def scenario(monkeypatch):
             called.append(options)
             return function(options) or Done((), "")
 
+        monkeypatch.setattr(run_command, "build_fmus", lambda options: None)
         monkeypatch.setattr(run_command, "execute", execute)
         return called
 

@@ -15,7 +15,8 @@ import msgspec
 
 from .. import __version__
 from ..cosim.clock import count_steps
-from ..cosim.isolation.instance import Isolation
+from ..cosim.errors import UsageError
+from ..cosim.isolation.instance import Isolation, make_isolation
 from ..cosim.schemes.scheme import ORDERS, Scheme
 from ..cosim.ssp.osp import OSP_NAME
 from ..cosim.ssp.sources import SSD_NAME
@@ -163,19 +164,20 @@ class GivenOptions(TypedDict, total=False):
     storage_step: float | None
     seed: int | None
     parameter_files: Sequence[str | PathLike[str]]
-    values: Mapping[str, Value]
     apart: Sequence[str]
     scheme: str | Scheme
     requirements: str | PathLike[str] | None
     disturbance: str | PathLike[str] | None
     inputs: str | PathLike[str] | None
-    fmus: Path | None
+    fmus: str | PathLike[str] | None
     outside: bool
     progress: bool
     profile: bool
     observe: str | Sequence[str]
     figures: bool
-    isolation: Isolation | None
+    isolate: bool | str | Sequence[str]
+    step_timeout: float | None
+    call_timeout: float | None
     faults: str | PathLike[str] | None
     checkpoint: float | None
     source: str | PathLike[str] | None
@@ -185,21 +187,29 @@ class GivenOptions(TypedDict, total=False):
 def make_options(what: str, output: Path, **given: Unpack[GivenOptions]) -> RunOptions:
     """The options of a run of a scenario, or of any system: ``what`` is a name, or else a file or folder.
 
-    Files are those of the user, or of ps_fmu by their names.  Raises :class:`OptionError`, and FileNotFoundError where
-    the files of ps_fmu are not there.
+    Files are those of the user, or of ps_fmu by their names.  Raises :class:`OptionError`, FileNotFoundError where the
+    files of ps_fmu are not there, and TypeError for an option that there is not.
     """
+    for name in given:
+        if name not in GivenOptions.__annotations__:
+            raise TypeError(f"there is no argument {name!r}{suggest_names(name, GivenOptions.__annotations__)}")
     scenario, system = choose_run(what, given.get("system"))
     for name, value in (("--duration", given.get("duration")), ("--step", given.get("step"))):
         if value is not None:
             _check_time(name, value)
-    fmus = given.get("fmus")
+    fmus = None if (folder := given.get("fmus")) is None else Path(folder)
     if fmus is not None and not fmus.is_dir():
         raise OptionError(f"--fmus: there is no folder {fmus}")
     if fmus is None and (is_own(system) if scenario is PLAIN else system.suffix.lower() != ".ssp"):
         fmus = find_built_folder()
     if scenario is PLAIN and given.get("apart"):
         raise OptionError("--apart: is for scenarios: in another system nothing is said of parameters that differ")
-    observe = given.get("observe", ())
+    observe, isolate = given.get("observe", ()), given.get("isolate", False)
+    try:
+        timeouts = given.get("step_timeout"), given.get("call_timeout")
+        isolation = make_isolation([isolate] if isinstance(isolate, str) else isolate, *timeouts)
+    except UsageError as error:
+        raise OptionError(str(error)) from error
 
     def choose(stated: Any, own: Any) -> Any:
         return own if stated is None else stated
@@ -216,7 +226,6 @@ def make_options(what: str, output: Path, **given: Unpack[GivenOptions]) -> RunO
         step_s=choose(given.get("step"), scenario.step_s),
         seed=choose(given.get("seed"), scenario.seed),
         parameters=tuple(find_file(Path(path)) for path in given.get("parameter_files", ())),
-        values=given.get("values", {}),
         apart=tuple(given.get("apart", ())),
         scheme=given.get("scheme", "jacobi"),
         storage_step_s=given.get("storage_step"),
@@ -229,7 +238,7 @@ def make_options(what: str, output: Path, **given: Unpack[GivenOptions]) -> RunO
         profile=given.get("profile", False),
         observe=(observe,) if isinstance(observe, str) else tuple(observe),
         figures=given.get("figures", True),
-        isolation=given.get("isolation"),
+        isolation=isolation,
         faults=find(given.get("faults")),
         checkpoint_s=given.get("checkpoint"),
         source=None if source is None else Path(source),

@@ -97,14 +97,13 @@ def build_fmus(options: RunOptions) -> None:
 def execute(options: RunOptions, show: Callable[[str], None] = print) -> Done:
     """Run the scenario of the options; writes results.nc, summary.json, figures and report.html, shows the tables.
 
-    The output folder is held by :func:`.output.hold_folder`.
+    The output folder is held by :func:`.output.hold_folder`, and the FMUs are there, see :func:`build_fmus`.
 
     Raises
     ------
     OptionError: an option cannot be honoured, as the system shows.
-    BuildError, CosimError, OSError, ValueError: the FMUs cannot be built or run, or results cannot be written.
+    CosimError, OSError, ValueError: the FMUs cannot be run, or results cannot be written.
     """
-    build_fmus(options)
     if options.figures:
         prepare_drawing()
     with keep_run(options):
