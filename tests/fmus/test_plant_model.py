@@ -40,17 +40,6 @@ def test_initial_outputs_follow_inputs_set_in_initialisation_mode() -> None:
     assert host.get("base_acceleration.z")[0] > 1e-3
 
 
-def test_coarse_command_moves_the_platform_there_exactly() -> None:
-    host, there = (
-        Host("manipulator_plant").run_mode(),
-        Host("manipulator_plant", coarse_command_2=2e-4).run_mode(),
-    )
-    host.set(coarse_command_2=2e-4)
-    host.step(H, 3000)
-    assert host.get("coarse_displacement_2")[0] == pytest.approx(2e-4, abs=1e-18)
-    assert host.get(*ORIENTATION) == pytest.approx(there.get(*ORIENTATION), abs=1e-15)
-
-
 def test_command_beyond_the_stroke_is_held_and_said_once() -> None:
     host = Host("manipulator_plant").run_mode()
     host.set(coarse_command_3=0.05)

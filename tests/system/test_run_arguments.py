@@ -1,9 +1,9 @@
 """The command line of system/run.py: what it takes, what it refuses, how it ends."""
 
-import importlib.util
 from pathlib import Path
 
 import pytest
+from support.models import load_script
 
 from ps_fmu import cli, run_command
 from ps_fmu.cosim.errors import UsageError
@@ -18,9 +18,7 @@ RUN = Path(__file__).parents[2] / "system" / "run.py"
 @pytest.fixture
 def run(tmp_path, monkeypatch):
     """The script as a module, in a working directory of its own, with nothing to build."""
-    spec = importlib.util.spec_from_file_location("run_script", RUN)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
+    module = load_script(RUN, "run_script")
     monkeypatch.chdir(tmp_path)
     return module
 
