@@ -30,6 +30,7 @@ def test_commands_of_the_readme_exist():
         assert re.search(rf"^{target}:", makefile, re.MULTILINE), target
     assert (ROOT / ".ci" / "run").read_text(encoding="utf-8").splitlines()[-1] == "make test"
     assert "make test" in readme
+    assert [name for name in re.findall(r"tests/[\w/]+\.py", makefile) if not (ROOT / name).exists()] == []
 
 
 def script(name):

@@ -245,7 +245,7 @@ def test_a_profile_from_a_file(make_options, ssv, tmp_path):
     run(options)
     assert "Reaction wheels: wheel_3 from 4000 to 5000 rpm" in (options.output / "report.html").read_text()
     speeds.write_text("time [s],speed [rpm]\n0,4000\n0.2,fast\n")
-    with pytest.raises(OptionError, match=r"disturbance\.wheel_3\.speed_profile: speed\.csv, line 3: 'speed \[rpm\]'"):
+    with pytest.raises(OptionError, match=r"disturbance\.wheel_3\.speed_profile: speed\.csv, line 3: .*'fast'"):
         run(replace(options, output=tmp_path).claim_output())
 
 

@@ -1,4 +1,4 @@
-"""Time in whole steps: t_n = start + n h, never accumulated."""
+"""Time in whole steps: t_n = start + n h, never accumulated; events at communication points, and progress."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which outputs a run reads and records: all, or those that somebody needs."""
+"""Which outputs a run reads and records: all, or those that somebody needs; and what a scheme adds to them."""
 
 from __future__ import annotations
 
@@ -124,7 +124,7 @@ def lay_out(
     more: Collection[PortName],
     signals: Sequence[OwnColumn],
 ) -> tuple[list[SchemeColumn], RowLayout]:
-    """The columns of a scheme, and the layout of all; arguments as of :func:`..rows.make_layout`."""
+    """The columns of a scheme, and the layout of all; arguments as of :func:`.rows.make_layout`."""
     layout = make_layout(descriptions, more, signals)
     own = list_columns(scheme, system, [column.name for column in layout.columns])
     return own, make_layout(descriptions, more, (*signals, *own)) if own else layout

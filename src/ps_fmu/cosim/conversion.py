@@ -1,7 +1,8 @@
-"""What happens to a value on its way.
+"""What happens to a value on its way: units, as in section 4.4 of SSP 1.0, transformations; and start values.
 
 A path is a sequence of hops, from connector to connector or through a parameter mapping.  :func:`combine` turns it into
-one :class:`.hops.Conversion`, which is all that a simulation needs.
+one :class:`.values.Conversion`, which is all that a simulation needs.  A value ``v`` in a unit is
+``factor * v + offset`` in SI base units.
 """
 
 from __future__ import annotations

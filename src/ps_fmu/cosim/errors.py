@@ -64,8 +64,8 @@ class SlaveError(CosimError):
         *,
         component: str,
         function: str,
-        status: int | None,
-        time: float | None,
+        status: int | None = None,
+        time: float | None = None,
         variables: Sequence[str] = (),
         messages: Sequence[str] = (),
     ) -> None:

@@ -101,14 +101,8 @@ class FmuInstance:
         except Exception as error:
             forget(self._callbacks)
             messages = self.messages.take()
-            raise SlaveError(
-                f"{self.name}: fmi2Instantiate failed: {error}{quote(messages)}",
-                component=self.name,
-                function="fmi2Instantiate",
-                status=None,
-                time=None,
-                messages=messages,
-            ) from error
+            text = f"{self.name}: fmi2Instantiate failed: {error}{quote(messages)}"
+            raise SlaveError(text, component=self.name, function="fmi2Instantiate", messages=messages) from error
         self.address: int = self._fmu.component
         self.phase = InstancePhase.INSTANTIATED
 
@@ -289,15 +283,11 @@ class FmuInstance:
             if status == FATAL:  # all instances of the library are corrupt (FMI 2.0.4, section 2.1.3): no more of them
                 discard_unpacked(self._folder)
         messages = self.messages.take()
+        text = f"{self.name}: {where} returned {name_status(status)}{details}{quote(messages)}\n  {advice}"
         raise SlaveError(
-            f"{self.name}: {where} returned {name_status(status)}{details}{quote(messages)}\n  {advice}",
-            component=self.name,
-            function=function,
-            status=status,
-            time=time,
-            variables=variables,
+            text, component=self.name, function=function, status=status, time=time, variables=variables,
             messages=messages,
-        )
+        )  # fmt: skip
 
     def _has_ended(self) -> bool:
         """What fmi2GetBooleanStatus says of fmi2Terminated."""

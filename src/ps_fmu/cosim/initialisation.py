@@ -1,4 +1,4 @@
-"""Bring all FMUs of a system to their first communication point, with initial values that agree."""
+"""Bring all FMUs of a system to their first communication point, with initial values that agree; and to their end."""
 
 from __future__ import annotations
 

@@ -8,7 +8,6 @@ number of different FMUs, not on how often they are instantiated.
 
 from __future__ import annotations
 
-import atexit
 import gc
 import itertools
 import os
@@ -141,8 +140,6 @@ class _Store:
 _lock = threading.Lock()
 _imports_lock = threading.RLock()
 _store: _Store | None = None
-_roots: list[tuple[int, Path]] = []
-"""Process and folder of each store there was."""
 
 
 def provide_unpacked(archive: Path, shared: bool = True) -> Path:
@@ -253,9 +250,8 @@ def _open_store(archive: Path) -> _Store:
                 "whose name has only ASCII letters, digits, and . _ -",
             )
         _store = _Store(os.getpid(), above, make_temporary("fmus_"))
-        _roots.append((_store.process, _store.root))
-        # Processes that multiprocessing forks call no functions of atexit.
-        Finalize(None, _remove_all, exitpriority=_LAST)
+        # Not atexit: processes that multiprocessing forks call none of its functions, others those of their parents.
+        Finalize(None, remove_temporary, args=(_store.root,), exitpriority=_LAST)
     return _store
 
 
@@ -269,10 +265,3 @@ def _is_whole(folder: Path, sizes: dict[str, int]) -> bool:
         return all(os.stat(os.path.join(folder, name)).st_size == size for name, size in sizes.items())
     except OSError:
         return False
-
-
-@atexit.register
-def _remove_all() -> None:
-    for process, root in _roots:
-        if process == os.getpid():
-            remove_temporary(root)

@@ -1,4 +1,4 @@
-"""Values as XML writes them (XML Schema Part 2): Real, Integer and Boolean."""
+"""Values as XML writes them (XML Schema Part 2), and what may happen to them on their way, as data."""
 
 from __future__ import annotations
 

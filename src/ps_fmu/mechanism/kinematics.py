@@ -142,16 +142,6 @@ class Jacobians:
         return self.J_pl[..., :, 3:]
 
     @property
-    def J_tc(self) -> Array:
-        """(..., 3, 3): coarse displacement to platform translation."""
-        return self.J_pl[..., :3, :3]
-
-    @property
-    def J_tf(self) -> Array:
-        """(..., 3, 3): fine displacement to platform translation."""
-        return self.J_pl[..., :3, 3:]
-
-    @property
     def J_theta_c(self) -> Array:
         """(..., 3, 3), rad/m: coarse displacement to platform rotation."""
         return self.J_pl[..., 3:, :3]

@@ -192,7 +192,7 @@ def make_output_matrices(
         C[:, _PLACE[name]], D[:, _PLACE[name]] = acceleration[0][:, places], acceleration[1][:, places]
 
     J, R = d.jacobians, d.pose.rotation_BP
-    J_theta_c, J_theta_f, J_tc, J_tf = J.J_theta_c, J.J_theta_f, J.J_tc, J.J_tf
+    J_theta_c, J_theta_f, J_tc, J_tf = J.J_theta_c, J.J_theta_f, J.J_pc[:, :3], J.J_pf[:, :3]
     nominal_tc, nominal_theta_c = nominal.J_pc[:, :3], nominal.J_pc[:, 3:]
     rods = d.active[e_c].astype(float)
     R_PB = nominal.pose.rotation_BP.mT

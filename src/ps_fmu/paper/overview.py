@@ -7,9 +7,8 @@ from dataclasses import asdict, replace
 
 from tqdm import tqdm
 
-from ..analyses.finding import Finding
 from ..analyses.jobs import Job, run_jobs
-from ..analyses.result import AnalysisResult
+from ..analyses.result import AnalysisResult, Finding
 from ..analyses.table import ANALYSES, AnalysisOptions
 from ..control.commander import DEFAULT_ALGORITHM_1
 from ..cosim.ssp.parameters import read_parameters

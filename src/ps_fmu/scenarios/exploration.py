@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..cosim import Column
 from ..cosim.recording.columns_on_disk import read_rows
 from ..mechanism.inverse_kinematics import trilaterate
 from ..mechanism.kinematics import Geometry
@@ -61,14 +62,6 @@ BANDS_PER_DECADE = 2000  # 0.12 %: a line is read to 0.1 Hz at 100 Hz
 FEWEST_ROWS = 16
 _AVERAGED = f"a {BANDS_PER_DECADE}th of a decade"
 MOST_ROWS = 2**19  # of a settled part: 12 MB a case; what is before is left out
-
-
-@dataclass(frozen=True)
-class Column:
-    """A column of results.nc, as observers name it."""
-
-    name: str
-    unit: str
 
 
 def explore_comparisons(comparisons: Mapping[str, Comparison], system: RunSystem, results: Path) -> Exploration:
@@ -292,7 +285,8 @@ def read_motion(stored: Any) -> Means | None:
     """
     if not set(MOTION) <= stored.variables.keys():
         return None
-    observer = MeanObserver([Column(name, stored[name].units) for name in MOTION], MOTION, bins=MOTION_BINS // 2)
+    columns = [Column(name, stored[name].units, "Real", "") for name in MOTION]
+    observer = MeanObserver(columns, MOTION, bins=MOTION_BINS // 2)
     count = len(stored["time"])
     for first in range(0, count, READ_ROWS):
         time, *rows = (read_rows(stored[name], first, min(first + READ_ROWS, count)) for name in ("time", *MOTION))

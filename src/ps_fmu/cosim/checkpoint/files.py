@@ -198,7 +198,7 @@ class Journal:
         began = perf_counter()
         numbers = np.ascontiguousarray(rows, "<f8")
         try:
-            left = memoryview(numbers.tobytes())
+            left = numbers.data.cast("B") if numbers.size else memoryview(b"")
             while left:
                 left = left[self._file.write(left) :]
             self._rows += len(rows)

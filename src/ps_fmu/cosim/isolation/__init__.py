@@ -3,5 +3,5 @@
 In steps the master calls stand-ins in C (``later.c``; ``client.c`` is the exchange), and the FMU's process carries them
 out (``guest.c``).  Both share memory (``channel.h``); a step is one exchange.  All other calls go by a pipe
 (:mod:`.guest_process` and :mod:`.guest`).
-:class:`.instance.Isolation` is the way in, :mod:`.options` has the options of commands.
+:class:`.instance.Isolation` is the way in.
 """

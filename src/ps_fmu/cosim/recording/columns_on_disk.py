@@ -4,7 +4,7 @@
 the group: with 95 of them that takes 45 us of 60 us.  The methods that netCDF4 itself calls next do without.  It does
 not document them; where there are none, the documented way serves.
 
-Whoever opens, reads, writes or closes a dataset holds :data:`.reduction.columns.NETCDF_LOCK`.
+Whoever opens, reads, writes or closes a dataset holds :data:`...reduction.columns.NETCDF_LOCK`.
 """
 
 from __future__ import annotations

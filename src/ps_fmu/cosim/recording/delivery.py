@@ -72,7 +72,7 @@ class Delivery:
         self._last = wall_clock.perf_counter()
 
     def hand_over(self) -> None:
-        """Give away the complete rows; a new block begins.  Raises what :meth:`serve` returns."""
+        """Give away the complete rows; a new block begins.  Raises what an observer raises, or :class:`SlaveError`."""
         self._last = wall_clock.perf_counter()
         if failure := self._serve_rows():
             raise failure
@@ -102,19 +102,14 @@ class Delivery:
             print(f"the rows up to t = {self._clock.time(end - 1):.9g} s are stored", file=sys.stderr, flush=True)
 
     def _serve_rows(self, error: BaseException | None = None) -> BaseException | None:
-        failure = self.serve(self.rows.first_index, *self.rows.complete(), error)
-        self.rows.next_block()
-        return failure
-
-    def serve(
-        self, first: int, values: Array, peak: float, error: BaseException | None = None
-    ) -> BaseException | None:
-        """Give rows to all observers, up to the first with a value that is not finite; ``peak`` is that of the values.
+        """Give the complete rows to all observers, up to the first with a value that is not finite; begin a new block.
 
         Every observer is served even if another one fails.  Returns the first that applies: :class:`SlaveError` for a
         value that is not finite, with ``error`` as its consequence; ``error``, the reason why the run ends; what an
         observer raised; None.
         """
+        first, (values, peak) = self.rows.first_index, self.rows.complete()
+        self.rows.next_block()
         time = self._clock.times(first, len(values))
         usable = len(values) if math.isfinite(peak) else count_finite(values)
         failure: BaseException | None = error
@@ -159,7 +154,6 @@ def _make_error(columns: Sequence[Column], row: Array, time: float) -> SlaveErro
         f"{component}: not a finite number at t = {time:.9g} s: {named}; the rows before are kept",
         component=component,
         function="fmi2GetReal",
-        status=None,
         time=time,
         variables=bad,
     )

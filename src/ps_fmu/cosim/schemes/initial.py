@@ -13,7 +13,7 @@ from ..graph import Wiring
 from ..rows import Array
 from ..structure import PortName, Value
 from .scheme import Iteration
-from .solver import InterfaceSolver, Link, NotConverged, derive
+from .solver import InterfaceSolver, Link, NotConverged, derive, make_links
 
 log = logging.getLogger("ps_fmu.cosim")
 
@@ -51,17 +51,9 @@ class InitialBus:
 
     def list_links(self, ports: Sequence[PortName]) -> list[Link]:
         """How components make these Real outputs from one another."""
-        inputs: dict[str, list[tuple[str, PortName, float]]] = {port.component: [] for port in ports}
-        for source in ports:
-            for target in self.carried.get(source, ()):
-                conversion = self.wiring.conversions.get(target)
-                factor = 1.0 if conversion is None else conversion.factor
-                if target.component in inputs:
-                    inputs[target.component].append((target.variable, source, factor))
-        return [
-            Link(self.instances[name], tuple(own), tuple(port for port in ports if port.component == name))
-            for name, own in inputs.items()
-        ]
+        members = [self.instances[name] for name in dict.fromkeys(port.component for port in ports)]
+        ways = {target: source for source in ports for target in self.carried.get(source, ())}
+        return make_links(members, ways, ports, self.wiring.conversions)
 
 
 def solve_initial_loop(bus: InitialBus, ports: Sequence[PortName], iteration: Iteration) -> None:

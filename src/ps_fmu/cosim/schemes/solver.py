@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +12,7 @@ from ..errors import ConvergenceError, SlaveError
 from ..fmu_instance import FmuInstance
 from ..rows import Array
 from ..structure import PortName
+from ..values import Conversion
 from ..wires import Wires
 from .scheme import Iteration
 
@@ -166,24 +167,34 @@ class Link:
     outputs: tuple[PortName, ...]
 
 
-def list_links(members: Sequence[FmuInstance], wires: Wires) -> list[Link]:
-    """The links of a loop, in the order of its components."""
-    names = {member.name for member in members}
-    used = {
-        source: None
-        for target, source in wires.sources.items()
-        if target.component in names and source.component in names
-    }
+def make_links(
+    members: Sequence[FmuInstance], ways: Mapping[PortName, PortName], outputs: Collection[PortName],
+    conversions: Mapping[PortName, Conversion],
+) -> list[Link]:  # fmt: skip
+    """The links of a loop: its components, the sources of their Real inputs in it, and its Real outputs."""
     links = []
     for member in members:
         inputs = [
-            (port.variable, wires.sources[port], _get_factor(wires, port))
-            for port in wires.inputs[member.name]
-            if wires.sources[port] in used and member.variables[port.variable].type == "Real"
+            (port.variable, source, conversions[port].factor if port in conversions else 1.0)
+            for port, source in ways.items()
+            if port.component == member.name
         ]
-        outputs = [p for p in used if p.component == member.name and member.variables[p.variable].type == "Real"]
-        links.append(Link(member, tuple(inputs), tuple(outputs)))
+        links.append(Link(member, tuple(inputs), tuple(port for port in outputs if port.component == member.name)))
     return links
+
+
+def list_links(members: Sequence[FmuInstance], wires: Wires) -> list[Link]:
+    """The links of a loop, in the order of its components."""
+    by_name = {member.name: member for member in members}
+    used = [s for target, s in wires.sources.items() if target.component in by_name and s.component in by_name]
+    outputs = [port for port in dict.fromkeys(used) if by_name[port.component].variables[port.variable].type == "Real"]
+    ways = {
+        port: wires.sources[port]
+        for name in by_name
+        for port in wires.inputs[name]
+        if wires.sources[port] in used and by_name[name].variables[port.variable].type == "Real"
+    }
+    return make_links(members, ways, outputs, wires.conversions)
 
 
 def derive(
@@ -213,8 +224,3 @@ def derive(
             raise
         return None
     return jacobian if np.isfinite(jacobian).all() else None
-
-
-def _get_factor(wires: Wires, port: PortName) -> float:
-    conversion = wires.conversions.get(port)
-    return 1.0 if conversion is None else conversion.factor

@@ -48,7 +48,7 @@ class Sources:
         return path if self.unpacked is None else self.unpacked.locate(path)
 
     def name_members(self) -> AbstractContextManager[None]:
-        """See :meth:`.structure.UnpackedFolder.name_members`."""
+        """See :meth:`..structure.UnpackedFolder.name_members`."""
         return nullcontext() if self.unpacked is None else self.unpacked.name_members()
 
     def open_archive(self, archive: Path) -> Path:

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...analyses.finding import Finding
-from ...analyses.result import AnalysisResult, paint_pictures
+from ...analyses.result import AnalysisResult, Finding, paint_pictures
 from ...analyses.table import AnalysisOptions
 from ...mechanism.parameters import Array, load
 from ...results.style import ACTIVE, PASSIVE, REFERENCE

@@ -9,8 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ....analyses.finding import Finding
-from ....analyses.result import AnalysisResult, paint_pictures, tabulate
+from ....analyses.result import AnalysisResult, Finding, paint_pictures, tabulate
 from ....analyses.table import AnalysisOptions
 from ....interface.start_values import list_departures
 from ....mechanism.parameters import Array, load
