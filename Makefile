@@ -71,6 +71,7 @@ bench: fmus  ## what things cost; fails if a limit is missed
 
 lint: .venv/.installed
 	$(BIN)/ruff check .
+	$(BIN)/lint-imports --no-logo --no-cache
 	$(BIN)/mypy
 
 clean:

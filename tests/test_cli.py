@@ -159,3 +159,11 @@ def test_commands_find_system_and_fmus_from_any_folder(tmp_path, monkeypatch, ca
 def test_parameters_of_an_analysis_may_be_repeated():
     given = cli.parser().parse_args(["analyse", "budget", "--parameters", "a.ssv", "--parameters", "b.ssv", "c.ssv"])
     assert [path.name for path in given.parameters] == ["a.ssv", "b.ssv", "c.ssv"]
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh"])
+def test_the_completion_knows_commands_and_options(shell, capsys):
+    assert cli.main(["--print-completion", shell]) == 0
+    printed = capsys.readouterr().out
+    assert "crosscheck" in printed and "--storage-step" in printed and "--scheduler-timeout" in printed
+    assert cli.main(["--print-completion", "fish"]) == 2

@@ -15,13 +15,13 @@ DISTURBANCE = ROOT / "src" / "ps_fmu" / "disturbance"
 IMPORTS = (DISTURBANCE / "tones.py").read_text(encoding="utf-8").split("\n\n\n")[0]
 
 RUN_SCENARIO = """
-from ps_fmu.runs.execute import run_scenario
+from ps_fmu.runs.run import execute
 from ps_fmu.runs.options import RunOptions
 from ps_fmu.runs.scenario import SCENARIOS
 
 scenario = SCENARIOS["quiet"]
 system, output, fmus = (Path(argument) for argument in sys.argv[2:])
-run_scenario(RunOptions(scenario, system, output, 0.01, 1e-3, fmus=fmus, progress=False).claim_output())
+execute(RunOptions(scenario, system, output, 0.01, 1e-3, fmus=fmus, progress=False).claim_output())
 """
 
 MAKE_FORCE = """
@@ -56,7 +56,7 @@ def test_a_scenario_is_one_file(run_in_copy, built_fmus, tmp_path):
     system = ROOT / "system" / "SystemStructure.ssd"
     begin = "    for scenario in (\n"
     table = SCENARIOS.read_text(encoding="utf-8").replace(begin, begin + EXAMPLES[1])
-    files = {"runs/quiet.py": EXAMPLES[0], "runs/scenario.py": table}
+    files = {"scenarios/quiet.py": EXAMPLES[0], "runs/scenario.py": table}
     printed = run_in_copy(files, RUN_SCENARIO, system, tmp_path / "out", built_fmus)
     assert printed.startswith("[0. 0. 0.]\n")
     assert (tmp_path / "out" / "report.html").is_file()

@@ -9,7 +9,14 @@ from numpy.typing import NDArray
 
 from ps_fmu.control.feedforward import count_states
 from ps_fmu.control.isolator import HALF_WAY, Isolator, Turn, UnreachableOrientationError
-from ps_fmu.interface.ports import make_parameter_ports, refuse_parameters
+from ps_fmu.interface.ports import (
+    LONGEST_DELAY,
+    ORIENTATION,
+    SAME_ORIENTATION,
+    make_control_ports,
+    make_parameter_ports,
+    refuse_parameters,
+)  # fmt: skip
 from ps_fmu.mechanism.parameters import LARGEST_ORDER, load
 from ps_fmu.mechanism.quantities import take_values
 from ps_fmu.slavekit.author.elements import (
@@ -28,10 +35,6 @@ from ps_fmu.slavekit.author.terminals import Terminal
 from ps_fmu.slavekit.author.variables import Port, numbered, vector
 
 DEFAULT = Isolator.from_parameters(load())
-#: An orientation this close (rad) is the same: a plant at rest varies it by rounding.
-SAME_ORIENTATION = 1e-12
-#: Longest delay in communication steps; 0.1 s at 1e-4 s.
-LONGEST_DELAY = 1000
 
 
 class FeedforwardIsolator(Slave):
@@ -54,10 +57,7 @@ class FeedforwardIsolator(Slave):
             "base_angular_acceleration", "xyz", "rad/s2", "Measured angular acceleration of B, in B",
             causality="input", nominal=1e-3,
         ),
-        *vector(
-            "orientation", ("roll", "pitch", "yaw"), "rad", "Nominal orientation of P in B, for the gains",
-            causality="input", display_unit="deg", nominal=0.1,
-        ),
+        *ORIENTATION,
         Port(
             "enabled", "input", type="Boolean", start=True,
             description="False: no force; the filters go on measuring, so that it can be switched on at any time",
@@ -69,19 +69,9 @@ class FeedforwardIsolator(Slave):
         ),
         Port("saturated", "output", type="Boolean", description="A force is at force_limit", initially_depends_on=()),
         *make_parameter_ports(DEFAULT),
-        Port("force_limit", "parameter", "N", "Largest force of a fine actuator; 0 = no limit", min=0.0),
-        Port(
-            "delay", "parameter", "s", "Pure delay of the forces, of at most 1000 steps",
-            min=0.0, display_unit="ms",
-        ),
-        Port(
-            "sample_time", "parameter", "s", "Period of a digital controller; 0 = every step",
-            min=0.0, display_unit="ms",
-        ),
-        Port(
-            "orientation_resolution", "parameter", "rad",
-            "Turn whose change of the gains may be left out, but for an orientation that has come to rest",
-            start=1e-4, min=0.0, display_unit="deg",
+        *make_control_ports(
+            turn="Turn whose change of the gains may be left out, but for an orientation that has come to rest",
+            resolution=1e-4,
         ),
     )  # fmt: skip
 

@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ps_fmu.interface.ports import make_output_ports, make_parameter_ports, refuse_parameters
-from ps_fmu.mechanism.centre import N_CENTRE, Centre
+from ps_fmu.mechanism.centre import N_CENTRE, STILL, Centre
 from ps_fmu.mechanism.curvature import N_PATH, Curve, count_curve, find_curve, find_ends, places_on_path, stay
-from ps_fmu.mechanism.initial_motion import STILL
 from ps_fmu.mechanism.linear_model import Place, Plant, PlantModel
 from ps_fmu.mechanism.momentum import Balance, count_balance, find_displacements
 from ps_fmu.mechanism.mounted import (
@@ -27,8 +26,19 @@ from ps_fmu.mechanism.mounted import (
 from ps_fmu.mechanism.parameters import Bus, load
 from ps_fmu.mechanism.quantities import ParameterError, take_values
 from ps_fmu.mechanism.signals import N_EXTERNAL, N_INPUTS, OUTPUTS, RATE, TIME, servo_slices
-from ps_fmu.mechanism.slews import AT_REST, Distances, find_distances, find_next_centre, is_at_rest, is_used_up, rest_at
-from ps_fmu.mechanism.ways import RENEWAL, Way, find_growth, look_ahead
+from ps_fmu.mechanism.slews import (
+    AT_REST,
+    RENEWAL,
+    Distances,
+    Way,
+    find_distances,
+    find_growth,
+    find_next_centre,
+    is_at_rest,
+    is_used_up,
+    look_ahead,
+    rest_at,
+)
 from ps_fmu.slavekit.author.elements import Clip, Element, Excess, Linear, Product, Ramp, Watch
 from ps_fmu.slavekit.author.slave import Slave
 from ps_fmu.slavekit.author.terminals import Terminal

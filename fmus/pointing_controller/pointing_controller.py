@@ -10,7 +10,14 @@ from numpy.typing import NDArray
 
 from ps_fmu.control.isolator import UnreachableOrientationError
 from ps_fmu.control.pointing import N_STATES, PointingLaw
-from ps_fmu.interface.ports import make_parameter_ports, refuse_parameters
+from ps_fmu.interface.ports import (
+    LONGEST_DELAY,
+    ORIENTATION,
+    SAME_ORIENTATION,
+    make_control_ports,
+    make_parameter_ports,
+    refuse_parameters,
+)  # fmt: skip
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.mechanism.quantities import take_values
 from ps_fmu.slavekit.author.elements import Clip, Delay, Element, Excess, Hold, Sample, Watch, ring_size
@@ -19,9 +26,6 @@ from ps_fmu.slavekit.author.terminals import Terminal
 from ps_fmu.slavekit.author.variables import Port, numbered, vector
 
 DEFAULT = PointingLaw.from_parameters(load())
-#: An orientation this close (rad) is the same: a plant at rest varies it by rounding.
-SAME_ORIENTATION = 1e-12
-LONGEST_DELAY = 1000  # steps
 
 # Places in x: states of the controller, forces before the limit.  In a: the error as sampled, the excess of the forces.
 CONTROLLER, UNLIMITED = slice(0, N_STATES), slice(N_STATES, N_STATES + 3)
@@ -42,10 +46,7 @@ class PointingController(Slave):
             "line_of_sight_error", "xyz", "rad", "Measured small rotation that takes the payload to its target, in P",
             causality="input", display_unit="urad", nominal=1e-6,
         ),
-        *vector(
-            "orientation", ("roll", "pitch", "yaw"), "rad", "Nominal orientation of P in B, for the gains",
-            causality="input", display_unit="deg", nominal=0.1,
-        ),
+        *ORIENTATION,
         Port("locked", "input", type="Boolean", start=True, description="False: the error is not used, forces stay"),
         Port("enabled", "input", type="Boolean", start=True, description="False: no force; the integrals are emptied"),
         *numbered(
@@ -54,19 +55,9 @@ class PointingController(Slave):
         ),
         Port("saturated", "output", type="Boolean", description="A force is at force_limit", initially_depends_on=()),
         *make_parameter_ports(DEFAULT),
-        Port("force_limit", "parameter", "N", "Largest force of a fine actuator; 0 = no limit", min=0.0),
-        Port(
-            "delay", "parameter", "s", "Pure delay of the forces, of at most 1000 steps",
-            min=0.0, display_unit="ms",
-        ),
-        Port(
-            "sample_time", "parameter", "s", "Period of a digital controller; 0 = every step",
-            min=0.0, display_unit="ms",
-        ),
-        Port(
-            "orientation_resolution", "parameter", "rad",
-            "Turn after which the gains are renewed; they are also when the orientation has come to rest",
-            start=1e-3, min=0.0, display_unit="deg",
+        *make_control_ports(
+            turn="Turn after which the gains are renewed; they are also when the orientation has come to rest",
+            resolution=1e-3,
         ),
     )  # fmt: skip
 

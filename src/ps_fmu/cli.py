@@ -72,6 +72,11 @@ def parser() -> argparse.ArgumentParser:
     about = "FMUs of a pointing manipulator."
     top = argparse.ArgumentParser(prog="ps-fmu", description=about, formatter_class=group_commands(_GROUPS))
     top.add_argument("--version", action="version", version=f"ps-fmu {__version__}")
+    top.add_argument(
+        "--print-completion", action=_PrintCompletion, choices=("bash", "zsh"), metavar="SHELL",
+        default=argparse.SUPPRESS,
+        help="print what has bash or zsh complete names and options, see docs/guides/installing.md",
+    )  # fmt: skip
     commands: argparse._SubParsersAction[Any] = top.add_subparsers(
         title="commands", required=True, metavar="COMMAND", parser_class=LazyParser
     )
@@ -89,16 +94,24 @@ def parser() -> argparse.ArgumentParser:
     return top
 
 
+class _PrintCompletion(argparse.Action):
+    """Prints the completion of all commands for a shell, and ends."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *given: Any) -> None:
+        import shtab
+
+        for action in parser._actions:
+            for command in action.choices.values() if isinstance(action, argparse._SubParsersAction) else ():
+                if isinstance(command, LazyParser):
+                    command.complete(())
+        print(shtab.complete(parser, given[1]))
+        parser.exit()
+
+
 def _add_run(commands: argparse._SubParsersAction[LazyParser]) -> None:
     run = commands.add_parser("run", help="run a scenario of the whole system, or any .ssp, .ssd or .fmu")
 
     def fill(parser: argparse.ArgumentParser, arguments: Sequence[str]) -> None:
-        from . import system_command
-
-        if system_command.is_meant(arguments):
-            system_command.add_arguments(parser)
-            parser.set_defaults(run=lambda options: system_command.run(options, parser))
-            return
         from . import run_command as command
 
         command.add_arguments(parser)

@@ -4,61 +4,29 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from types import TracebackType
-from typing import Self, TypedDict, Unpack
+from typing import Self, Unpack
 
 import numpy as np
 
-from .cosim.errors import UsageError
-from .cosim.isolation.instance import make_isolation
-from .cosim.structure import Value, suggest_names
-from .product.files import find_file, find_product
+from .cosim.structure import Value
 from .result import Result, read_folder, write_values
-from .run_command import build_and_run
-from .runs.built_fmus import find_built_folder, provide_fmus
-from .runs.execute import find
-from .runs.options import PARAMETERS, OptionError, RunOptions, claim_folder
+from .runs.options import PARAMETERS, GivenOptions, OptionError, claim_folder, make_options
 from .runs.output import hold_folder, leave_no_empty_folder
-from .runs.publish import NotMetError, TargetError
-from .runs.run import Run, SharedSystem
-from .runs.scenario import SCENARIOS
-
-
-class RunKeywords(TypedDict, total=False):
-    """Options of a run in Python, see :func:`simulate`."""
-
-    duration: float | None
-    step: float | None
-    parameter_files: Sequence[str | PathLike[str]]
-    apart: Sequence[str]
-    disturbance: str | PathLike[str] | None
-    system: str | PathLike[str] | None
-    scheme: str
-    storage_step: float | None
-    observe: str | Sequence[str]
-    requirements: str | PathLike[str] | None
-    faults: str | PathLike[str] | None
-    isolate: bool | Sequence[str]
-    step_timeout: float | None
-    progress: bool
+from .runs.run import Run, SharedSystem, build_fmus, execute, find
 
 
 def simulate(
     scenario: str = "isolation",
     *,
     parameters: Mapping[str, Value] | None = None,
-    seed: int = 1,
     cases: Sequence[str] = (),
     output: str | PathLike[str] | None = None,
-    checkpoint: float | None = None,
     resume: bool = False,
-    source: str | PathLike[str] | None = None,
-    anew: Sequence[str] = (),
-    **options: Unpack[RunKeywords],
+    **options: Unpack[GivenOptions],
 ) -> Result:
     """Run a scenario; its results, whether they meet requirements or not.
 
@@ -71,10 +39,10 @@ def simulate(
 
     Parameters
     ----------
-    scenario: one of those that ``ps-fmu run --help`` lists.
+    scenario: one of those that ``ps-fmu run --help`` lists, or any system: an ``.ssp``, ``.ssd``, ``.xml`` or ``.fmu``.
     parameters: start values by ``component.parameter``, in the units of ``ps-fmu parameters --list``; stronger than
         ``parameter_files``.
-    seed: of the disturbance.
+    seed: of the disturbance, 1 by default.
     cases: names of those to run, by default all; of scenarios that compare two cases.
     output: folder to write into, as ``ps-fmu run`` does but for figures, while the run goes on: for long runs.
     checkpoint: keep the state each so many seconds of simulation, and at the end, in the folder ``checkpoint`` of
@@ -92,6 +60,7 @@ def simulate(
     scheme: order of exchange, ``"jacobi"``, ``"gauss-seidel"`` or ``"iterated"``, see docs/schemes.md.
     observe: a pattern such as ``plant.payload_*``, or several, of the outputs to store, by default all.
     requirements: a TOML file, own or of ps_fmu; the verdicts are ``summary["verdicts"]``.
+    inputs: a CSV file of inputs over time, see docs/run-any-system.md.
     faults: a file of faults, JSON or YAML, see docs/faults.md; what acted is ``summary["faults"]``.
     isolate: run each FMU in a process of its own, or those of the components that are named: an FMU that crashes or
         hangs ends the run with a message, and this process goes on.
@@ -101,38 +70,29 @@ def simulate(
     Raises
     ------
     OptionError: an argument cannot be used; the message names it as on the command line.
-    TargetError: with ``output``, the target is out of reach; all results are written, and the message says where.
     BuildError, CosimError, OSError, ValueError: the FMUs cannot be built or run, or results cannot be written.
     """
-    if resume and (output is None or checkpoint is None):
+    keeps = options.get("checkpoint") is not None
+    if resume and (output is None or not keeps):
         raise OptionError("resume: expected the output folder of the run, and the time between checkpoints")
-    if output is None and checkpoint is not None:
-        raise OptionError("checkpoint: expected an output folder, too: checkpoints lie there")
-    begin, without = None if source is None else Path(source), tuple(anew)
     options.setdefault("progress", True)
     if output is None:
         with Session(scenario, **options) as session:
-            session.options = replace(session.options, source=begin, anew=without)
-            return session.run(parameters, seed=seed, cases=cases)
+            return session.run(parameters, cases=cases)
     if cases:
         raise OptionError("cases: a run with an output folder has all cases of the scenario")
     folder = read_folder(output)
     shown: list[str] = []
-    try:
-        with leave_no_empty_folder(folder), hold_folder(claim_folder(folder), resume):
-            chosen = _make_options(scenario, folder, options)
-            if parameters:
-                path = folder / PARAMETERS
-                write_values(path, _check_values(parameters), resume)
-                chosen = replace(chosen, parameters=(*chosen.parameters, path))
-            chosen = replace(
-                chosen, seed=seed, checkpoint_s=checkpoint, resume=resume, figures=False, source=begin, anew=without
-            )
-            with suppress(NotMetError):
-                build_and_run(chosen, shown.append)
-    except TargetError as error:  # raised once all is written
-        raise TargetError(f"{error}\nall results are written: {folder}") from error
-    return Result(folder, "\n".join(shown))
+    with leave_no_empty_folder(folder), hold_folder(claim_folder(folder), resume):
+        chosen = make_options(scenario, folder, **options)
+        if parameters:
+            path = folder / PARAMETERS
+            write_values(path, _check_values(parameters), resume)
+            chosen = replace(chosen, parameters=(*chosen.parameters, path))
+        chosen = replace(chosen, resume=resume, figures=False)
+        build_fmus(chosen)
+        done = execute(chosen, shown.append)
+    return Result(folder, "\n".join([*shown, *([done.refused] if done.refused else [])]))
 
 
 class Session:
@@ -151,25 +111,28 @@ class Session:
     BuildError, CosimError, OSError: the FMUs cannot be built, or the system cannot be read.
     """
 
-    def __init__(self, scenario: str = "isolation", **options: Unpack[RunKeywords]) -> None:
+    def __init__(self, scenario: str = "isolation", **options: Unpack[GivenOptions]) -> None:
         self._folder = tempfile.TemporaryDirectory(prefix="ps_fmu_")  # some scenarios hand a file to an FMU
         try:
-            self.options = _make_options(scenario, Path(self._folder.name), {"progress": False, **options})
-            if self.options.fmus is not None:
-                provide_fmus(self.options.fmus, self.options.system)
+            options.setdefault("progress", False)
+            if options.get("checkpoint") is not None:
+                raise OptionError("checkpoint: expected an output folder, too: checkpoints lie there")
+            self.options = make_options(scenario, Path(self._folder.name), **options)
+            build_fmus(self.options)
             self._shared = SharedSystem(self.options)
         except BaseException:
             self._folder.cleanup()
             raise
 
     def run(
-        self, parameters: Mapping[str, Value] | None = None, *, seed: int = 1, cases: Sequence[str] = ()
+        self, parameters: Mapping[str, Value] | None = None, *, seed: int | None = None, cases: Sequence[str] = ()
     ) -> Result:
         """Run the scenario; the results are those of a run in a process of its own, to the last bit.
 
         ``parameters`` by ``component.parameter``, ``seed`` of the disturbance, ``cases``: names of those to run, by
         default all.  Raises as :func:`simulate`.
         """
+        seed = self.options.seed if seed is None else seed
         options = replace(self.options, seed=seed, values=_check_values(parameters or {}))
         run = Run(options, tuple(cases), self._shared)
         return Result(None, found=(run, find(run)))
@@ -193,47 +156,6 @@ class Session:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
-
-
-def _make_options(scenario: str, folder: Path, given: RunKeywords) -> RunOptions:
-    """Checked options.  Raises OptionError, and TypeError for a keyword that there is not."""
-    for name in given:
-        if name not in RunKeywords.__annotations__:
-            raise TypeError(f"there is no argument {name!r}{suggest_names(name, RunKeywords.__annotations__)}")
-    if scenario not in SCENARIOS:
-        raise OptionError(
-            f"scenario: there is no {scenario!r}; expected one of {', '.join(SCENARIOS)}"
-        )
-    chosen = SCENARIOS[scenario]
-    isolate = given.get("isolate", False)
-    try:
-        isolation = make_isolation([isolate] if isinstance(isolate, str) else isolate, given.get("step_timeout"))
-    except UsageError as error:
-        raise OptionError(str(error)) from error
-
-    def find_named(path: str | PathLike[str] | None) -> Path | None:
-        return None if path is None else find_file(Path(path))
-
-    own, observe, disturbance = find_named(given.get("system")), given.get("observe", ()), given.get("disturbance")
-    duration, step = given.get("duration"), given.get("step")
-    return RunOptions(
-        chosen,
-        system=find_product().system / chosen.system if own is None else own,
-        output=folder,
-        duration_s=chosen.duration_s if duration is None else duration,
-        step_s=chosen.step_s if step is None else step,
-        parameters=tuple(find_file(Path(file)) for file in given.get("parameter_files", ())),
-        apart=tuple(given.get("apart", ())),
-        scheme=given.get("scheme", "jacobi"),
-        disturbance=None if disturbance is None else Path(disturbance),
-        storage_step_s=given.get("storage_step"),
-        observe=(observe,) if isinstance(observe, str) else tuple(observe),
-        requirements=find_named(given.get("requirements")),
-        fmus=None if own is not None and own.suffix.lower() == ".ssp" else find_built_folder(),
-        progress=given.get("progress", True),
-        faults=find_named(given.get("faults")),
-        isolation=isolation,
-    )
 
 
 def _check_values(values: Mapping[str, Value]) -> dict[str, Value]:

@@ -165,10 +165,14 @@ class LazyParser(ArgumentParser):
 
     def parse_known_args(self, args: Any = None, *more: Any, **options: Any) -> Any:
         """As that of the class above, with the arguments that ``fill`` adds; it is told what is to be parsed."""
+        self.complete(args or ())
+        return super().parse_known_args(args, *more, **options)
+
+    def complete(self, arguments: Sequence[str]) -> None:
+        """Have all arguments; ``arguments``: what is to be parsed."""
         fill, self.fill = self.fill, None
         if fill is not None:
-            fill(self, args or ())
-        return super().parse_known_args(args, *more, **options)
+            fill(self, arguments)
 
 
 def reason(error: Exception) -> str:

@@ -5,8 +5,7 @@ import math
 
 import pytest
 
-from ps_fmu.analyses.finding import PublishedNumber
-from ps_fmu.analyses.result import AnalysisResult
+from ps_fmu.analyses.result import AnalysisResult, PublishedNumber
 from ps_fmu.paper.published import make_finding, published_numbers
 from ps_fmu.results.tables import Table
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.mechanics import PAPER, pose_at
+from support.mechanics import PAPER, fixed_base, pose_at
 
 from ps_fmu.control.isolator import UnreachableOrientationError
 from ps_fmu.control.pointing import DEFAULT_DESIGN, LoopDesign, PointingLaw
@@ -29,7 +29,7 @@ def test_the_notch_undoes_the_suspension_of_all_axes(rpy_deg):
     """On a base that does not move the loop is k(s) E, when the controller knows the payload."""
     rigid = replace(PAPER.payload, truss_modes=())
     pose = pose_at(rpy_deg)
-    plant = Nominal(assemble(PAPER.manipulator, rigid, PAPER.bus, pose)).A_fixed_base(S)
+    plant = fixed_base(Nominal(assemble(PAPER.manipulator, rigid, PAPER.bus, pose)), S)
     notch = replace(LAW, payload=rigid).notch(pose).response(S)
     expected = np.broadcast_to(np.eye(3), (len(S), 3, 3))
     np.testing.assert_allclose(pose.rotation_BP.T @ plant @ notch, expected, atol=1e-10)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ctypes
 import shutil
-import zipfile
 from collections.abc import Callable, Mapping, Sequence
 from ctypes import CFUNCTYPE, c_double, c_int, c_size_t, c_void_p
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import Any
 
 import pytest
 from pythonfmu.builder import FmuBuilder
+from support import archives
 from support.cosim import OSCILLATOR, Collect, ssd_text
 from support.linear import Coupled, make_oscillator
 from support.relays import make_relay
@@ -98,17 +98,7 @@ def rewrite(tmp_path: Path) -> Callable[[Path, Mapping[str, str]], Path]:
     def change(fmu: Path, replacements: Mapping[str, str]) -> Path:
         folder = tmp_path / "rewritten"
         folder.mkdir(exist_ok=True)
-        with zipfile.ZipFile(fmu) as source, zipfile.ZipFile(folder / fmu.name, "w") as target:
-            for name in source.namelist():
-                data = source.read(name)
-                if name == "modelDescription.xml":
-                    text = data.decode()
-                    for old, new in replacements.items():
-                        assert old in text
-                        text = text.replace(old, new)
-                    data = text.encode()
-                target.writestr(name, data)
-        return folder / fmu.name
+        return archives.rewrite(fmu, folder, archives.replace(archives.DESCRIPTION, dict(replacements)))
 
     return change
 

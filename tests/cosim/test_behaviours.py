@@ -2,13 +2,12 @@
 
 import os
 import shutil
-import zipfile
 from pathlib import Path
 
 import netCDF4
 import numpy as np
 import pytest
-from support import against_fmpy, behaviours
+from support import against_fmpy, archives, behaviours
 from support.cosim import HEAD, Collect
 
 from ps_fmu.cli import main
@@ -124,10 +123,7 @@ def test_an_end_inside_of_a_step_has_no_row(fmus, tmp_path, isolation, scheme):
 
 
 def test_a_resource_that_is_not_there(fmus, tmp_path):
-    with zipfile.ZipFile(fmus / "resource.fmu") as old, zipfile.ZipFile(tmp_path / "resource.fmu", "w") as new:
-        for name in old.namelist():
-            if not name.startswith("resources"):
-                new.writestr(name, old.read(name))
+    archives.rewrite(fmus / "resource.fmu", tmp_path, archives.drop("resources/"))
     with pytest.raises(SlaveError, match=r"resource: fmi2EnterInitializationMode(?s:.*)cannot open .*/y\.txt"):
         run(write(tmp_path, ["resource"]), tmp_path, 0.1, 1.0, None)
 

@@ -3,12 +3,12 @@
 import math
 import re
 import signal
-import zipfile
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from support import faulty
+from support.archives import put, rewrite
 from support.checkpoints import EVENTS, STEPS, H, Keep, Stop, check_same, edit, run
 from support.cosim import Collect, ssd_text
 
@@ -121,11 +121,7 @@ def kept(mixed, tmp_path):
 def change_fmu(system, folder):
     """The system with another FMU behind the name of the mass's."""
     source = system.component("mass").source
-    other = folder / source.name
-    with zipfile.ZipFile(source) as old, zipfile.ZipFile(other, "w") as new:
-        for name in old.namelist():
-            new.writestr(name, old.read(name))
-        new.writestr("resources/more.txt", "another")
+    other = rewrite(source, folder, put("resources/more.txt", b"another"))
     components = [replace(c, source=other) if c.name == "mass" else c for c in system.components]
     return replace(system, components=tuple(components))
 

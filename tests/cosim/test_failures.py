@@ -10,12 +10,13 @@ import signal
 import subprocess
 import sys
 import textwrap
-import zipfile
 from pathlib import Path
 
 import numpy as np
 import pytest
 from fmpy.fmi2 import fmi2CallbackLoggerTYPE
+from support import archives
+from support.archives import drop, put
 
 from ps_fmu.cosim import Master, RecorderError, SlaveError
 from ps_fmu.cosim.fmu_instance import FmuInstance, InstancePhase
@@ -286,10 +287,7 @@ def test_a_plain_pythonfmu_fmu_that_is_not_complete_is_refused(make_system, toys
     """Its library would end this process with SIGSEGV."""
     from ps_fmu.cosim import SystemFileError
 
-    with zipfile.ZipFile(toys / "ToyGain.fmu") as old, zipfile.ZipFile(tmp_path / "ToyGain.fmu", "w") as new:
-        for name in old.namelist():
-            if (kept := content if name == member else old.read(name)) is not None:
-                new.writestr(name, kept)
+    archives.rewrite(toys / "ToyGain.fmu", tmp_path, drop(member) if content is None else put(member, content))
     with pytest.raises(SystemFileError, match=re.escape(reason)):
         Master(make_system({"gain": "ToyGain"}, [], tmp_path), H).initialise()
 

@@ -1,10 +1,10 @@
 """Numbers that no tool should write, in systems and in FMUs: refused by name, never a traceback."""
 
 import shutil
-import zipfile
 
 import pytest
 from support import relays
+from support.archives import DESCRIPTION, replace, rewrite
 from support.relays import binding, description, make_relay, port, relay, system, wire
 
 from ps_fmu.cli import main
@@ -101,14 +101,8 @@ def test_an_input_that_is_no_item(folder):
 
 def change_experiment(folder, attributes):
     """A relay with another default experiment."""
-    path = folder / "Experiment.fmu"
-    with zipfile.ZipFile(folder / "resources" / "ToyRelay.fmu") as old, zipfile.ZipFile(path, "w") as new:
-        for name in old.namelist():
-            data = old.read(name)
-            if name == "modelDescription.xml":
-                data = data.replace(b"<ModelVariables", f"<DefaultExperiment {attributes}/><ModelVariables".encode())
-            new.writestr(name, data)
-    return path
+    change = replace(DESCRIPTION, {"<ModelVariables": f"<DefaultExperiment {attributes}/><ModelVariables"})
+    return rewrite(folder / "resources" / "ToyRelay.fmu", folder / "Experiment.fmu", change)
 
 
 def test_a_single_fmu_starts_when_it_says(folder):

@@ -47,28 +47,6 @@ def test_wheel_amplitude_and_frequency_at_constant_speed(speed):
     np.testing.assert_allclose(turn, np.sin(order * speed * STEP))
 
 
-def test_wheel_amplitude_follows_the_square_of_the_present_speed():
-    harmonic = Harmonics(np.array([1.0]), np.array([1e-7]))
-    profile = SpeedProfile(initial=100.0, final=-300.0, start=3.0, duration=5.0)
-    wheel = WheelSource(profile, np.array([0.0, 0.0, 1.0]), np.zeros(3), (1,), force=harmonic, torque=NOTHING)
-    times = np.array([2.5, 4.0, 4.25, 6.0, 9.0])  # s; at 4.25 s the wheel stands still
-    size = np.linalg.norm(wheel(times)[:, :3], axis=1)
-    # While the speed changes, by 80 rad/s2, an unbalance also accelerates along its circle.
-    squared, along = np.array([100.0, 20.0, 0.0, 140.0, 300.0]) ** 2, np.array([0.0, 80.0, 80.0, 80.0, 0.0])
-    np.testing.assert_allclose(size, 1e-7 * np.hypot(squared, along), rtol=1e-12)
-
-
-def test_wheel_torque_harmonics_act_as_a_couple():
-    harmonic = Harmonics(np.array([1.0]), np.array([1e-9]))
-    wheel = WheelSource(
-        SpeedProfile(100.0, 100.0, 0.0, 0.0), np.array([0.0, 0.0, 1.0]), np.array([1.0, 2.0, 3.0]), (1,),
-        force=NOTHING, torque=harmonic,
-    )
-    wrench = wheel(np.arange(50_000, 50_100) * STEP)
-    assert not wrench[:, :3].any()
-    np.testing.assert_allclose(np.linalg.norm(wrench[:, 3:], axis=1), 1e-9 * 100.0**2)
-
-
 @pytest.mark.parametrize("duration", [4.0, 0.0])
 def test_wheel_angle_is_the_integral_of_the_speed(duration):
     profile = SpeedProfile(initial=50.0, final=-200.0, start=3.0, duration=duration)

@@ -104,18 +104,6 @@ def test_a_new_target_midway_goes_on_smoothly():
     assert np.abs(np.diff(jerk[1090:1110], axis=0)).max() < 1e-5  # rad/s3
 
 
-def test_target_changed_back_midway_returns():
-    host = commander()
-    host.set(**target((8.5, 0.0, 0.0)))
-    host.step(H, 900)
-    host.set(**target((0.0, 0.0, 0.0)))
-    host.step(H, 6000)
-    np.testing.assert_array_equal(orientation(host), np.zeros(3))
-    np.testing.assert_array_equal(
-        command(host), inverse_kinematics(GEOMETRY, np.zeros(3)).coarse_displacement
-    )
-
-
 @pytest.mark.parametrize(
     ("angles_deg", "reason"),
     [

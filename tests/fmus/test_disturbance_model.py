@@ -1,44 +1,26 @@
 """DisturbanceSource, the class itself: outputs, random access, state, refusals."""
 
-import importlib.util
-from pathlib import Path
-
 import numpy as np
 import pytest
+from support.models import slave_class
+from support.twins import InPython
 
-from ps_fmu.disturbance import Disturbance
+from ps_fmu.disturbance import Disturbance, default_settings
 from ps_fmu.disturbance.recording import HEADER
+from ps_fmu.mechanism.parameters import load
 from ps_fmu.mechanism.quantities import replace_values
 
-SCRIPT = Path(__file__).parents[2] / "fmus" / "disturbance_source" / "disturbance_source.py"
 STEP = 1e-4  # s
 # A short period, so that a block of noise is synthesised in a moment.
 QUICK = {"noise.period": 20.0}
 
 
-@pytest.fixture(scope="module")
-def script():
-    spec = importlib.util.spec_from_file_location("disturbance_source", SCRIPT)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-@pytest.fixture
-def make(script):
+def make(parameters=QUICK, start=0.0):
     """An initialised instance with some parameters set."""
-
-    def make(parameters=QUICK, start=0.0):
-        slave = script.DisturbanceSource(instance_name="disturbance")
-        setters = {bool: slave.set_boolean, int: slave.set_integer, str: slave.set_string, float: slave.set_real}
-        for name, value in parameters.items():
-            setters[type(value)]([slave.layout.find(name)], [value])
-        slave.setup_experiment(start)
-        slave.enter_initialization_mode()
-        slave.exit_initialization_mode()
-        return slave
-
-    return make
+    one = InPython(slave_class("disturbance_source"))
+    one.set(parameters)
+    one.initialise(start)
+    return one.slave
 
 
 def run(slave, steps, step=STEP, first=0, start=0.0):
@@ -50,23 +32,23 @@ def run(slave, steps, step=STEP, first=0, start=0.0):
     return rows
 
 
-def test_outputs_are_the_disturbance_at_the_end_of_each_step(make, script):
+def test_outputs_are_the_disturbance_at_the_end_of_each_step():
     slave = make()
     assert not slave.values("base_force").any() and not slave.values("base_torque").any()
-    disturbance = Disturbance(replace_values(script.DEFAULT, QUICK))
+    disturbance = Disturbance(replace_values(default_settings(load()), QUICK))
     times = np.arange(1, 5001) * STEP
     np.testing.assert_array_equal(run(slave, 5000), disturbance(times))
 
 
 @pytest.mark.parametrize("multisine", [False, True])
-def test_step_sizes_agree(make, multisine):
+def test_step_sizes_agree(multisine):
     parameters = QUICK | {"noise.multisine": multisine, "noise.band.max": 300.0}
     fine = run(make(parameters), 5000)
     np.testing.assert_allclose(run(make(parameters), 500, 1e-3), fine[9::10], rtol=0.0, atol=1e-8)
     np.testing.assert_allclose(run(make(parameters), 2000, 2.5e-4)[1::2], fine[4::5], rtol=0.0, atol=1e-8)
 
 
-def test_step_size_may_change_on_the_way(make):
+def test_step_size_may_change_on_the_way():
     slave = make()
     fine = run(make(), 3000)
     run(slave, 1000)
@@ -74,12 +56,12 @@ def test_step_size_may_change_on_the_way(make):
     np.testing.assert_allclose(coarse, fine[1009:2000:10], rtol=0.0, atol=1e-8)
 
 
-def test_time_counts_from_the_start_of_the_experiment(make):
+def test_time_counts_from_the_start_of_the_experiment():
     shifted = run(make(start=1234.5), 500, start=1234.5)
     np.testing.assert_allclose(shifted, run(make(), 500), rtol=0.0, atol=1e-6)
 
 
-def test_recording(make, tmp_path):
+def test_recording(tmp_path):
     path = tmp_path / "recorded wrench.csv"
     path.write_text(",".join(HEADER) + "\n0,1,2,3,4,5,6\n1,2,2,3,4,5,6\n")
     slave = make({"noise.enabled": False, "recording.path": str(path)})
@@ -96,12 +78,12 @@ def test_recording(make, tmp_path):
         ({"seed": -1}, "seed"),
     ],
 )
-def test_impossible_parameters_are_refused_by_name(make, parameters, problem):
+def test_impossible_parameters_are_refused_by_name(parameters, problem):
     with pytest.raises(Exception, match=problem):
         make(parameters)
 
 
-def test_steps_that_are_too_long_for_the_noise_are_warned_of_once(make, monkeypatch):
+def test_steps_that_are_too_long_for_the_noise_are_warned_of_once(monkeypatch):
     slave = make()
     warnings = []
     monkeypatch.setattr(slave, "warning", warnings.append)
@@ -110,9 +92,3 @@ def test_steps_that_are_too_long_for_the_noise_are_warned_of_once(make, monkeypa
     run(slave, 100, 2e-3, first=1)
     assert len(warnings) == 1
     assert "noise.band.max" in warnings[0]
-
-
-def test_every_parameter_has_a_unit_and_a_description(script):
-    for port in script.DisturbanceSource.ports:
-        assert port.description
-        assert port.type != "Real" or port.unit

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from support.models import Host
 
-from ps_fmu.mechanism.quaternions import from_rotation_vector, multiply
+from ps_fmu.mechanism.rotations import from_rotation_vector, multiply
 from ps_fmu.sensors.line_of_sight import DEFAULT_TRACKER, line_of_sight_error
 from ps_fmu.slavekit.author.slave import Refused
 

@@ -4,11 +4,10 @@ import re
 
 import numpy as np
 import pytest
-from support.mechanics import PAPER
+from support.mechanics import PAPER, to_rotation_matrix
 from support.models import MODELS, ROOT, Host, slave_class
 
 from ps_fmu.mechanism.linear_model import momentum
-from ps_fmu.mechanism.quaternions import to_rotation_matrix
 from ps_fmu.mechanism.signals import output_slices, servo_slices
 from ps_fmu.slavekit.author.blocks import store_by_columns
 from ps_fmu.slavekit.author.slave import ModelError, Refused
@@ -39,17 +38,6 @@ def test_initial_outputs_follow_inputs_set_in_initialisation_mode() -> None:
     assert abs(host.get(*ORIENTATION)[0]) > 0.01
     host.set(base_force__z=10.0)
     assert host.get("base_acceleration.z")[0] > 1e-3
-
-
-def test_coarse_command_moves_the_platform_there_exactly() -> None:
-    host, there = (
-        Host("manipulator_plant").run_mode(),
-        Host("manipulator_plant", coarse_command_2=2e-4).run_mode(),
-    )
-    host.set(coarse_command_2=2e-4)
-    host.step(H, 3000)
-    assert host.get("coarse_displacement_2")[0] == pytest.approx(2e-4, abs=1e-18)
-    assert host.get(*ORIENTATION) == pytest.approx(there.get(*ORIENTATION), abs=1e-15)
 
 
 def test_command_beyond_the_stroke_is_held_and_said_once() -> None:

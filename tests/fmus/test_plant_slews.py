@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 from support.host import unpack
+from support.mechanics import to_rotation_matrix
 from support.models import Host
 from support.slew_cases import CASES, EVERY, STEP, load_reference
 from support.twins import InFmpy
 
 from ps_fmu.mechanism.momentum import Balance, count_balance
-from ps_fmu.mechanism.quaternions import conjugate, from_rotation_vector, multiply, to_rotation_matrix
+from ps_fmu.mechanism.rotations import conjugate, from_rotation_vector, multiply
 from ps_fmu.mechanism.signals import N_EXTERNAL, N_OUTPUTS, TIME, output_slices
 
 PLACE = output_slices()

@@ -70,18 +70,6 @@ def on_a_hub(
     return np.array(rows), hub, host
 
 
-def largest_error(h: float, duration: float, command: tuple[float, ...] = ()) -> float:
-    truth = on_its_own_bus(h, round(duration / h), command)
-    return float((np.abs(on_a_hub(h, len(truth), command)[0] - truth).max(axis=0) / np.abs(truth).max(axis=0)).max())
-
-
-def test_payload_and_hub_move_as_on_the_own_bus() -> None:
-    """To second order in the step; 1e-4 s on a hub of 60 kg: 2e-5 of the motion."""
-    coarse, fine = (largest_error(h, 0.15) for h in (2e-4, 1e-4))
-    assert fine < 3e-5
-    assert 3.5 < coarse / fine < 4.5
-
-
 def test_a_hub_that_turns_carries_the_mechanism_as_the_own_bus_does() -> None:
     """At 1 deg/s, with a slew of the coarse legs: centripetal, gyroscopic and convective forces."""
     h, n, command, turn = 2e-4, 1000, (5e-4, -3e-4, 4e-4), np.radians([1.0, -0.5, 0.3])

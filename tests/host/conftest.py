@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import pytest
-from support.host import unpack
+from support.host import COMPILER, unpack
 
 from ps_fmu.cosim import System, read_system
 from ps_fmu.native.build import FOLDER, PROGRAMS, find_fmi_headers
@@ -49,12 +49,8 @@ def calls_program(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def compiled(sources: Sequence[Path], program: Path) -> Path:
-    compile_c(find_compiler(), sources, program)
+    compile_c(COMPILER, sources, program)
     return program
-
-
-def find_compiler() -> list[str]:
-    return ["cc"] if shutil.which("cc") else [sys.executable, "-m", "ziglang", "cc"]
 
 
 def compile_c(compiler: list[str], sources: Sequence[Path], result: Path) -> None:
@@ -89,7 +85,7 @@ def sanitized(bound: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) 
 def compiled_launcher(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The launcher as a library of which all functions can be called."""
     library = tmp_path_factory.mktemp("launcher") / "launcher.so"
-    compile_c([*find_compiler(), "-fPIC", "-shared"], LAUNCHER_SOURCES, library)
+    compile_c([*COMPILER, "-fPIC", "-shared"], LAUNCHER_SOURCES, library)
     return library
 
 

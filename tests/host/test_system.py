@@ -137,15 +137,3 @@ def test_two_versions_of_an_fmu(unpacked, host, tmp_path):
     forces = np.array(printed(host("run", STEPS, *files, **ONE_THREAD)))
     assert forces[0].all()
     assert forces[1].tolist() == (2.0 * forces[0]).tolist()
-
-
-def test_a_thousand_mistakes_then_reset_and_a_correct_run(unpacked, host):
-    file = told(unpacked["isolator"], step=STEP)
-    (right,) = printed(host("run", 10, file, **ONE_THREAD))
-    run = host("faults", 1000, file, **ONE_THREAD)
-    assert run.returncode == 0, run.stderr[-3000:]
-    outputs, memory = run.stdout.splitlines()
-    growth, mistakes = map(int, memory.split())
-    assert [float(word) for word in outputs.split()] == right
-    assert mistakes > 30_000
-    assert growth < 1000  # kB

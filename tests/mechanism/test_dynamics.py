@@ -8,9 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.mechanics import PAPER, dynamics_at, pose_at, reference_cases, reference_pose, rigid
 
-from ps_fmu.mechanism.dynamics import payload_mass, rigid_body_mass
+from ps_fmu.mechanism.dynamics import leg_mass, payload_mass, rigid_body_mass
 from ps_fmu.mechanism.kinematics import jacobians, leg_vectors, platform_joints_B
-from ps_fmu.mechanism.legs import leg_mass
 from ps_fmu.mechanism.parameters import LegPart
 from ps_fmu.mechanism.rotations import rotation_matrix
 

@@ -15,12 +15,15 @@ from ps_fmu.mechanism.inverse_kinematics import (
     NotConvergedError,
     descend,
     inverse_kinematics,
+    reachable,
     step_size_bound,
+    stroke_margin,
     trilaterate,
+    why_unreachable,
+    within_stroke,
 )
 from ps_fmu.mechanism.kinematics import KinematicsError, leg_lengths
 from ps_fmu.mechanism.parameters import load
-from ps_fmu.mechanism.reachability import reachable, stroke_margin, why_unreachable, within_stroke
 from ps_fmu.mechanism.rotations import rotation_matrix
 
 GEOMETRY = load().manipulator.geometry

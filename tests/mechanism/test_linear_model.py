@@ -6,18 +6,21 @@ import numpy as np
 import pytest
 import scipy.signal
 from scipy.linalg import expm
-from support.mechanics import PAPER, relative_error
+from support.mechanics import PAPER, relative_error, to_rotation_matrix
 
 from ps_fmu.mechanism.centre import Centre
 from ps_fmu.mechanism.discretisation import zero_order_hold
-from ps_fmu.mechanism.dynamics import Pose
 from ps_fmu.mechanism.forward_kinematics import forward_kinematics
 from ps_fmu.mechanism.kinematics import jacobians
 from ps_fmu.mechanism.linear_model import Plant, momentum
 from ps_fmu.mechanism.parameters import Optics
 from ps_fmu.mechanism.quantities import ParameterError
-from ps_fmu.mechanism.quaternions import from_rotation_matrix, from_rotation_vector, to_rotation_matrix
-from ps_fmu.mechanism.rotations import GimbalLockError, rotation_from_vector
+from ps_fmu.mechanism.rotations import (
+    GimbalLockError,
+    from_rotation_matrix,
+    from_rotation_vector,
+    rotation_from_vector,
+)
 from ps_fmu.mechanism.signals import N_EXTERNAL, N_INPUTS, N_OUTPUTS, OUTPUTS, output_slices, servo_slices
 from ps_fmu.theory.transfer_matrices import Practical
 
@@ -57,12 +60,6 @@ def test_step_is_exact_for_a_held_input() -> None:
         result = short @ np.concatenate([state, u])
         state = result[p:]
     np.testing.assert_allclose(result, once, rtol=1e-9, atol=1e-12 * np.abs(once).max())
-
-
-def test_zero_order_hold_of_a_double_integrator() -> None:
-    Ad, Bd = zero_order_hold(np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[0.0], [1.0]]), 0.5)
-    np.testing.assert_allclose(Ad, [[1.0, 0.5], [0.0, 1.0]])
-    np.testing.assert_allclose(Bd, [[0.125], [0.5]])
 
 
 def test_outputs_at_rest_are_the_pose() -> None:
@@ -207,21 +204,6 @@ def test_inactive_coordinates_stay_zero() -> None:
     x = (model.step_map(0.1) @ np.concatenate([plant.initial_state(model), u]))[N_OUTPUTS:]
     np.testing.assert_array_equal(x[e_c], 0.0)
     assert np.abs(x[0:3]).min() > 0.0
-
-
-def test_same_displacement_same_bits() -> None:
-    """What a restored FMU state relies on."""
-    first, second = PLANT.linearise(SLOPE), PLANT.linearise(SLOPE.copy())
-    np.testing.assert_array_equal(first.step_map(1e-4), second.step_map(1e-4))
-    assert isinstance(first.dynamics.pose, Pose)
-
-
-def test_exponential_agrees_with_a_finer_one() -> None:
-    """The plant is stiff (370 Hz) and free (double integrators): the scaled exponential has all its digits."""
-    A, B, _, _ = PLANT.linearise(STILL).matrices()
-    Ad, _ = zero_order_hold(A, B, 1e-2)
-    fine = expm(A * (1e-2 / 64.0))
-    assert np.abs(Ad - np.linalg.matrix_power(fine, 64)).max() < 1e-9 * np.abs(Ad).max()
 
 
 @pytest.mark.parametrize("h", [1e-6, 1e-4, 1.8e-4, 2.5e-4])  # s: the series up to 1.9e-4 s

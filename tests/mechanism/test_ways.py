@@ -10,8 +10,7 @@ from ps_fmu.mechanism.curvature import Curve, count_curve, find_curve, find_ends
 from ps_fmu.mechanism.linear_model import Plant
 from ps_fmu.mechanism.parameters import CoarseServo
 from ps_fmu.mechanism.signals import N_INPUTS, N_OUTPUTS, RATE, TIME, servo_slices
-from ps_fmu.mechanism.slews import find_attitude, find_centre, find_next_centre
-from ps_fmu.mechanism.ways import RENEWAL, find_growth, look_ahead
+from ps_fmu.mechanism.slews import RENEWAL, find_attitude, find_centre, find_growth, find_next_centre, look_ahead
 
 STEP = 1e-4  # s
 STILL = np.zeros(3)

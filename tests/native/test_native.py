@@ -134,7 +134,7 @@ def test_a_damaged_library_is_refused_with_the_command_that_makes_it(tmp_path, c
         "from ps_fmu.cosim.guard import load_library as find_loop\n"
         "from ps_fmu.cosim import CosimError\n"
         "from ps_fmu.numerics import library\n"
-        "from ps_fmu.reduction.library import find_library\n"
+        "from ps_fmu.reduction.columns import find_library\n"
         "try: find_loop()\n"
         "except CosimError as error: print(str(error).splitlines()[0])\n"
         "for find in (library.find_arithmetic, find_library):\n"

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from support.published import jitter_run
 
-from ps_fmu.analyses.finding import Finding
+from ps_fmu.analyses.result import Finding
 from ps_fmu.analyses.table import AnalysisOptions
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.paper import overview
@@ -20,7 +20,7 @@ from ps_fmu.paper.figures import fig06 as workspace
 from ps_fmu.paper.figures.fig06 import compute_reach
 from ps_fmu.paper.figures.fig07 import report as trajectories
 from ps_fmu.paper.figures.fig07.runs import METHODS, PathResult, paths
-from ps_fmu.paper.figures.fig08_11 import analysis as transmissibility
+from ps_fmu.paper.figures.fig08_11 import report as transmissibility
 from ps_fmu.paper.figures.fig08_11.measured import compute_curves
 from ps_fmu.paper.figures.fig10 import report as stability
 from ps_fmu.paper.figures.fig10.closed_form import judge

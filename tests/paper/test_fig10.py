@@ -14,16 +14,16 @@ from ps_fmu.analyses.table import AnalysisOptions
 from ps_fmu.cosim import read_parameters, read_system
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.paper.bus_cases import CASES, case_start_values, load_case
-from ps_fmu.paper.figures.fig10 import pulse, report
+from ps_fmu.paper.figures.fig10 import report
+from ps_fmu.paper.figures.fig10 import runs as fig10_runs
 from ps_fmu.paper.figures.fig10.closed_form import judge
-from ps_fmu.paper.figures.fig10.open_loop import MOVED, SHAKEN, SHAKING, OpenLoop, cut_loop
 from ps_fmu.paper.figures.fig10.plots import explore_responses
-from ps_fmu.paper.figures.fig10.pulse import PULSE_S
 from ps_fmu.paper.figures.fig10.report import analyse
+from ps_fmu.paper.figures.fig10.runs import MOVED, PULSE_S, SHAKEN, SHAKING, OpenLoop, cut_loop
 from ps_fmu.paper.published import published_numbers
 from ps_fmu.pointing.response import Response
-from ps_fmu.runs.execute import run_scenario
 from ps_fmu.runs.options import OptionError
+from ps_fmu.runs.run import execute
 from ps_fmu.runs.scenario import SCENARIOS
 from ps_fmu.scenarios.shaking import Shaking
 from ps_fmu.theory.loop import loop_at
@@ -112,13 +112,13 @@ def test_larger_damping_is_that_of_section_4_2():
 
 def test_predictions_are_of_the_parameters_of_the_run(make_options, ssv, monkeypatch, capsys):
     """Stiffer legs, of which the isolator knows in part, at another orientation."""
-    monkeypatch.setattr(pulse, "CASES", ("LSM",))
+    monkeypatch.setattr(fig10_runs, "CASES", ("LSM",))
     stiffness = load().manipulator.fine_legs[0].stiffness
     given = {f"plant.fine_leg_{leg}.stiffness": 1.5 * stiffness for leg in (1, 2, 3)}
     given |= {f"isolator.fine_leg_{leg}.stiffness": 1.4 * stiffness for leg in (1, 2, 3)}
     given |= {"commander.target.roll": 0.1, "isolator.force_limit": 100.0}
     options = make_options("stability", 3.0, step_s=1e-3, parameters=(ssv(given),), figures=True)
-    run_scenario(options)
+    execute(options)
     summary = json.loads((options.output / "summary.json").read_text())
     assert "commander.target.pitch is not connected and stays at 0.0 rad" in summary["warnings"]
     with netCDF4.Dataset(options.output / "results.nc") as file:
@@ -165,13 +165,13 @@ def test_a_limit_is_said_to_be_exceeded_only_if_it_is():
 
 def test_a_run_too_short_for_poles_is_refused(make_options):
     with pytest.raises(OptionError, match=r"--duration: poles need 3 s at least, got 1 s"):
-        run_scenario(make_options("stability", 1.0, step_s=1e-3))
+        execute(make_options("stability", 1.0, step_s=1e-3))
 
 
 def test_pulse_leaves_neither_velocity_nor_displacement():
     time = np.linspace(0.0, PULSE_S, 4001)
-    velocity = np.cumsum(pulse.pulse(time))
-    assert np.abs(pulse.pulse(time)).max() == pytest.approx(1.0, abs=1e-6)
+    velocity = np.cumsum(fig10_runs.pulse(time))
+    assert np.abs(fig10_runs.pulse(time)).max() == pytest.approx(1.0, abs=1e-6)
     assert abs(velocity[-1]) < 1e-9 * np.abs(velocity).max()
     assert abs(velocity.sum()) < 1e-9 * np.abs(velocity).sum()
 

@@ -20,11 +20,11 @@ from ps_fmu.paper.errata import Erratum, errata_table
 from ps_fmu.paper.figures import fig06 as workspace
 from ps_fmu.paper.figures.fig06 import compute_reach
 from ps_fmu.paper.figures.fig07 import report as trajectories
-from ps_fmu.paper.figures.fig08_11 import analysis as transmissibility
+from ps_fmu.paper.figures.fig08_11 import report as transmissibility
 from ps_fmu.paper.figures.fig08_11.measured import Setup
 from ps_fmu.paper.figures.fig10 import report as stability
 from ps_fmu.paper.figures.fig10.closed_form import judge
-from ps_fmu.paper.figures.fig10.open_loop import SHAKING
+from ps_fmu.paper.figures.fig10.runs import SHAKING
 from ps_fmu.paper.figures.table2 import report as jitter
 from ps_fmu.paper.figures.table2.closed_form import ORIENTATIONS, knowledge_text
 from ps_fmu.paper.figures.table2.runs import nominal_densities

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from matplotlib import image
-from support.waterfalls import FLOOR, PEAK, make_waterfall
+from support.reports import FLOOR, PEAK, make_waterfall
 
 from ps_fmu.results.page.packing import encode_levels
 from ps_fmu.results.waterfall import RANGE_DB, CasePanel, ModeLine, draw_waterfall, name_group

@@ -1,6 +1,7 @@
 """Faults in runs: the options, what summary.json, the file of results, the terminal, report and figures say of them."""
 
 import json
+from pathlib import Path
 
 import netCDF4
 import numpy as np
@@ -9,12 +10,13 @@ from matplotlib import image
 from pythonfmu.builder import FmuBuilder
 from support.cosim import OSCILLATOR, ssd_text
 
-from ps_fmu import simulate, system_command
+from ps_fmu import simulate
 from ps_fmu.cli import main
 from ps_fmu.cosim.faults.binding import ActedFault
-from ps_fmu.runs.fault_report import find_spans, tabulate_faults
+from ps_fmu.runs.cases import find_spans
+from ps_fmu.runs.publish import tabulate_faults
 
-TOYS = system_command.Path(__file__).parents[1] / "cosim" / "toys"
+TOYS = Path(__file__).parents[1] / "cosim" / "toys"
 FREEZE = {"time": 0.01, "model": "plant", "variable": "base_acceleration.z", "action": "freeze", "duration": 0.01}
 TEXT = "0.010 s: plant.base_acceleration.z frozen until 0.020 s"
 

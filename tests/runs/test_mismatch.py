@@ -10,8 +10,7 @@ from ps_fmu.cosim import read_parameters
 from ps_fmu.cosim.ssp.writing import start_values_xml
 from ps_fmu.cosim.structure import Parameter
 from ps_fmu.interface.agreement import APART
-from ps_fmu.runs.cases import Case, run_case
-from ps_fmu.runs.mismatch import list_mismatches
+from ps_fmu.runs.cases import Case, list_mismatches, run_case
 from ps_fmu.runs.options import RunOptions
 from ps_fmu.runs.setup import load_system
 from ps_fmu.scenarios.jitter_record import JitterRecord

@@ -1,10 +1,19 @@
+import json
+import math
 import os
+import re
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from ps_fmu.runs.options import OptionError, RunOptions
-from ps_fmu.runs.scenario import SCENARIOS
+from ps_fmu.cosim.isolation.instance import Isolation
+from ps_fmu.cosim.schemes.scheme import EXTRAPOLATIONS, METHODS, ORDERS, Iteration, Rate, Scheme
+from ps_fmu.runs import origin
+from ps_fmu.runs.options import OptionError, RunOptions, from_json, name_option, to_json
+from ps_fmu.runs.scenario import PLAIN, SCENARIOS
 
 GOOD = {"scenario": SCENARIOS["isolation"], "system": Path("a.ssd"), "output": Path("results"), "duration_s": 20.0}
 
@@ -85,3 +94,73 @@ def test_an_output_that_cannot_be_written_is_refused():
     """/proc takes no files, whoever asks."""
     with pytest.raises(OptionError, match="--output: cannot write in /proc"):
         RunOptions(**GOOD | {"output": Path("/proc/results")}).claim_output()
+
+
+TEXTS = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"), min_size=1, max_size=6)
+TIMES = st.floats(1e-9, 1e3)
+SCHEMES = st.one_of(
+    st.sampled_from(ORDERS),
+    st.builds(
+        Scheme, st.sampled_from(ORDERS[:2]), st.sampled_from(EXTRAPOLATIONS),
+        st.dictionaries(TEXTS, st.builds(Rate, st.integers(1, 99)) | st.builds(Rate, parts=st.integers(1, 99))),
+        st.builds(Iteration, st.sampled_from(METHODS), st.floats(1e-12, 0.5)), st.booleans(),
+    ),
+)  # fmt: skip
+FILES = st.one_of(st.none(), st.just(Path(__file__)))
+OPTIONS = st.builds(
+    RunOptions,
+    scenario=st.just(PLAIN),
+    system=st.just(Path(__file__)),
+    output=st.just(Path("/results")),
+    duration_s=st.just(math.nan),
+    step_s=TIMES,
+    seed=st.one_of(st.none(), st.integers(0, 2**31 - 1)),
+    parameters=st.lists(st.just(Path(__file__)), max_size=2).map(tuple),
+    values=st.dictionaries(TEXTS, st.one_of(st.booleans(), st.integers(-9, 9), TIMES, TEXTS), max_size=3),
+    apart=st.lists(TEXTS, max_size=2).map(tuple),
+    scheme=SCHEMES,
+    requirements=FILES,
+    disturbance=FILES,
+    inputs=FILES,
+    outside=st.booleans(),
+    profile=st.booleans(),
+    observe=st.lists(TEXTS, max_size=2).map(tuple),
+    figures=st.booleans(),
+    isolation=st.one_of(st.none(), st.builds(Isolation, st.one_of(st.none(), st.frozensets(TEXTS)), TIMES)),
+    faults=FILES,
+    checkpoint_s=st.one_of(st.none(), TIMES),
+    source=FILES,
+)
+
+
+@settings(max_examples=50, deadline=None)
+@given(OPTIONS)
+def test_options_are_the_same_after_json(options):
+    """Types, too: True is no 1, and 1 no 1.0."""
+    again = from_json(json.loads(json.dumps(to_json(options))), PLAIN, options.output)
+    assert again == options
+    assert [type(value) for value in again.values.values()] == [type(value) for value in options.values.values()]
+
+
+def test_the_command_forgets_no_option():
+    """But those that change no number."""
+    given_options = {
+        "seed": 5, "parameters": (Path(__file__),), "apart": ("a",), "scheme": Scheme("gauss-seidel"),
+        "storage_step_s": 1e-3, "requirements": Path(__file__), "disturbance": Path(__file__), "outside": True,
+        "inputs": Path(__file__), "observe": ("x",), "isolation": Isolation(), "faults": Path(__file__),
+        "source": Path(__file__), "anew": ("b",), "duration_s": 2.0, "step_s": 2e-4,
+    }  # fmt: skip
+    left_out = {one.name for one in fields(RunOptions)} - given_options.keys()
+    assert left_out == set(origin._NO_COMMAND)
+    words = origin.format_command(RunOptions(**GOOD | given_options))
+    for name in given_options:
+        assert re.search(rf"{name_option(name)}( |$)", words), name
+
+
+def test_what_is_no_option_is_named():
+    found = to_json(RunOptions(**GOOD))
+    for change, reason in (({"step_s": "fast"}, "step_s: Expected `float`"), ({"seed": True}, "seed: Expected `int")):
+        with pytest.raises(ValueError, match=reason):
+            from_json({**found, **change}, SCENARIOS["isolation"], Path("results"))
+    with pytest.raises(ValueError, match="faults: "):
+        from_json({name: value for name, value in found.items() if name != "faults"}, PLAIN, Path("results"))

@@ -9,9 +9,9 @@ import pytest
 
 from ps_fmu.disturbance.recording import HEADER
 from ps_fmu.mechanism.quantities import ParameterError
-from ps_fmu.runs.execute import run_scenario
 from ps_fmu.runs.options import OptionError
 from ps_fmu.runs.recorded import read_netcdf
+from ps_fmu.runs.run import execute
 from ps_fmu.runs.setup import load_system
 
 TIME = np.linspace(0.0, 1.0, 101)
@@ -99,7 +99,7 @@ def write_csv(folder: Path, header=CSV_HEADER, rows=None):
 
 def run(options):
     """Runs the scenario; what the disturbance did in the active run, (rows, 6), and summary.json."""
-    run_scenario(options)
+    execute(options)
     names = [f"disturbance.base_{kind}.{axis}" for kind in ("force", "torque") for axis in "xyz"]
     with netCDF4.Dataset(options.output / "results.nc") as file:
         found = np.column_stack([file["active"][name][:] for name in names])
@@ -148,7 +148,7 @@ def test_a_scenario_with_a_disturbance_of_its_own_takes_no_other(make_options, t
     """Its poles, or its comparison with the paper, would be those of something else."""
     options = make_options(name, 4.0, disturbance=write_csv(tmp_path))
     with pytest.raises(OptionError, match=f"--disturbance: the scenario {name} has a disturbance of its own"):
-        run_scenario(options)
+        execute(options)
 
 
 def test_a_parameter_file_switches_the_noise_on_again(make_options, ssv, tmp_path):

@@ -1,5 +1,6 @@
 """results.nc stands alone: where it comes from, the start values; complete or interrupted."""
 
+import doctest
 import hashlib
 import json
 import re
@@ -15,12 +16,12 @@ from ps_fmu import __version__
 from ps_fmu.cosim import Column, Recorder
 from ps_fmu.cosim.schemes.scheme import Iteration, Scheme, read_rate
 from ps_fmu.results.datasets import list_cases, read_case
-from ps_fmu.runs import finish, publish
+from ps_fmu.runs import publish, stored_rows
 from ps_fmu.runs.cases import Case, run_case
-from ps_fmu.runs.execute import run_scenario
-from ps_fmu.runs.finish import finish_file
 from ps_fmu.runs.origin import format_command
+from ps_fmu.runs.run import execute
 from ps_fmu.runs.setup import load_system
+from ps_fmu.runs.stored_rows import finish_file, make_stored_names, rename_columns
 
 VALUES = {"plant.payload.mass": 20.0, "disturbance.seed": 7}
 ROOT = Path(__file__).parents[2]
@@ -45,7 +46,7 @@ def done(built_fmus, tmp_path_factory):
         scenario, ROOT / "system" / scenario.system, folder / "out", 3.0, step_s=1e-3, storage_step_s=2e-3,
         parameters=(given,), apart=("isolator.payload",), fmus=built_fmus, progress=False,
     ).claim_output()  # fmt: skip
-    run_scenario(options)
+    execute(options)
     return options
 
 
@@ -69,8 +70,8 @@ def test_the_history_is_a_time_and_a_command_without_folders(done):
     with netCDF4.Dataset(done.output / "results.nc") as file:
         assert re.fullmatch(
             r"20\d\d-\d\d-\d\dT\d\d:\d\d:\d\dZ ps-fmu run isolation --system SystemStructure\.ssd --duration 3\.0 "
-            r"--step 0\.001 --seed 1 --storage-step 0\.002 --scheme jacobi --parameters given\.ssv "
-            r"--apart isolator\.payload",
+            r"--step 0\.001 --seed 1 --parameters given\.ssv --apart isolator\.payload --scheme jacobi "
+            r"--storage-step 0\.002",
             file.history,
         )
     assert str(done.output.parent).encode() not in (done.output / "results.nc").read_bytes()
@@ -206,14 +207,14 @@ def test_an_end_that_fails_leaves_the_file_as_it_was(rows, monkeypatch, how):
     path, _ = rows
     before = path.read_bytes()
     if how == "full":
-        monkeypatch.setattr(finish.shutil, "disk_usage", lambda folder: type("Usage", (), {"free": 1000})())
+        monkeypatch.setattr(stored_rows.shutil, "disk_usage", lambda folder: type("Usage", (), {"free": 1000})())
     else:
         error = KeyboardInterrupt if how == "interrupted" else RuntimeError("HDF error")
 
         def stop(*_):
             raise error
 
-        monkeypatch.setattr(finish, "_copy_group", stop)
+        monkeypatch.setattr(stored_rows, "_copy_group", stop)
     with pytest.raises(KeyboardInterrupt if how == "interrupted" else OSError) as caught:
         finish_file(path)
     assert {"interrupted": "", "failed": "HDF error", "full": "MB needed"}[how] in str(caught.value)
@@ -227,7 +228,7 @@ def test_a_file_that_cannot_be_compressed_costs_no_other_result(make_options, mo
 
     monkeypatch.setattr(publish, "finish_file", refuse)
     options = make_options("isolation", 0.02, step_s=2e-4)
-    run_scenario(options)
+    execute(options)
     summary = json.loads((options.output / "summary.json").read_text())
     assert summary["warnings"] == ["results.nc: stays as it is: 8 MB needed"]
     assert "stays as it is" in capsys.readouterr().err
@@ -259,3 +260,38 @@ def test_the_rules_of_cf_that_are_claimed(done, group):
                 "time", "T", "standard", ("time",)
             )  # fmt: skip
             assert (np.diff(time[:]) > 0.0).all()
+
+
+def test_names_for_netcdf():
+    found = make_stored_names(["a/b", "a_b", "time", " x", "y ", "\t", "e\u0301", "+z", "0"])
+    assert found == {
+        "a/b": "a_b", "a_b": "a_b_2", "time": "time_2", " x": "_ x", "y ": "y", "\t": "_", "e\u0301": "\u00e9",
+        "+z": "_+z", "0": "0",
+    }  # fmt: skip
+
+
+def test_long_names_are_cut_and_told_apart(tmp_path):
+    """As of Modelica: netCDF takes 256 bytes; the description has the whole name."""
+    names = [f"plant.{'body.frame.' * 40}{end}" for end in ("x", "y")] + ["plant." + "\u00e4" * 300]
+    found = make_stored_names(names)
+    assert len(set(found.values())) == 3
+    with netCDF4.Dataset(tmp_path / "a.nc", "w") as file:
+        for name in found.values():
+            file.createVariable(name, "f8", ())
+    column = rename_columns([Column(names[0], "m", "Real", "Place")])[0]
+    assert column.description == f"{names[0]}: Place"
+
+
+DOCUMENT = Path(__file__).parents[2] / "docs" / "results.md"
+
+
+@pytest.mark.filterwarnings("error")
+def test_the_examples_of_the_document_run(make_options, monkeypatch, tmp_path):
+    options = make_options("isolation", 7.0, step_s=1e-3)
+    execute(options)
+    (tmp_path / "results").mkdir()
+    (tmp_path / "results" / "isolation").symlink_to(options.output)
+    monkeypatch.chdir(tmp_path)
+    found = doctest.testfile(str(DOCUMENT), module_relative=False)
+    assert found.attempted > 8
+    assert found.failed == 0

@@ -1,14 +1,17 @@
 """A case of the real system: what it stores, what it says, how it ends."""
 
+import re
 from functools import partial
+from pathlib import Path
 
 import netCDF4
 import numpy as np
 import pytest
 
-from ps_fmu.cosim import SlaveError, SystemFileError, UsageError
+import ps_fmu
+from ps_fmu.cosim import Column, SlaveError, SystemFileError, UsageError
 from ps_fmu.cosim.master import BLOCK_ROWS
-from ps_fmu.runs.cases import Case, run_case
+from ps_fmu.runs.cases import Bounds, Case, Divergence, run_case, show_progress
 from ps_fmu.runs.options import RunOptions
 from ps_fmu.runs.setup import load_system
 from ps_fmu.scenarios.jitter_record import ROTATION, JitterRecord
@@ -93,10 +96,10 @@ def test_parameters_that_are_not_used_are_reported(options, ssv, capsys):
     values = {TARGET: 0.1, "isolator.enabled": False, "plant.base_force.x": 3.0}
     given = RunOptions(**vars(options) | {"parameters": (ssv(values),)})
     *_, warnings = run(given, passive({TARGET: 0.0}))
-    by_case, by_wire = (text for text in warnings if "is not used" in text)
+    by_case, by_wire = (text for text in warnings if "is not used" in text or "first exchange" in text)
     assert by_case.startswith(f"{TARGET} (") and by_case.endswith("case passive sets it to 0.0")
     assert "given.ssv, line 4" in by_case
-    assert by_wire.endswith("given.ssv, line 6) is not used: it is connected to disturbance.base_force.x")
+    assert by_wire.endswith("line 6) holds until the first exchange alone: it is connected to disturbance.base_force.x")
     assert f"{by_case}\n{by_wire}\n" in capsys.readouterr().err
 
 
@@ -157,3 +160,36 @@ def test_a_profile_has_each_component_and_each_observer(make_options):
     assert [row[0] for row in table.rows][:5] == list(costs["parts"])
     shares = [float(row[5].removesuffix(" %")) for row in table.rows if row[0] != "all steps"]
     assert sum(shares) == pytest.approx(100.0, abs=0.5 * len(shares)), "each is rounded to 1 %"
+
+
+def test_one_place_makes_masters():
+    """Whatever runs FMUs takes it from there: scenarios, studies, trades, the paper, any system."""
+    package = Path(ps_fmu.__file__).parent
+    makers = {path.relative_to(package) for path in package.rglob("*.py") if re.search(r"\bMaster\(", path.read_text())}
+    assert {path for path in makers if path.parts[0] != "cosim"} == {Path("runs/runner.py")}
+
+
+def test_values_beyond_all_use_end_a_run():
+    """Not only those of the last column, and not those that are merely large."""
+    bounds = Bounds((Column("plant.a", "m", "Real", ""), Column("plant.b", "N", "Real", "")))
+    values = np.full((3, 2), 1e99)
+    bounds.block(0, np.arange(3.0), values)
+    values[1:, 0] = -1e101
+    with pytest.raises(Divergence, match=r"plant\.a is beyond 1e\+100 m at t = 1 s: .* unstable loop"):
+        bounds.block(0, np.arange(3.0), values)
+
+
+@pytest.mark.parametrize("shown", [True, False])
+def test_progress_bar(capsys, shown):
+    with show_progress("passive", 20.0, shown) as advance:
+        advance(10.0, 2.0, 5.0)
+        advance(20.0, 4.0, 5.0)
+    text = capsys.readouterr().err
+    assert ("passive: 100%" in text) == shown
+    assert ("5.0 x real time" in text) == shown
+
+
+def test_no_progress_bar_without_an_error_stream(monkeypatch):
+    monkeypatch.setattr("sys.stderr", None)
+    with show_progress("passive", 20.0, True) as advance:
+        advance(10.0, 2.0, 5.0)

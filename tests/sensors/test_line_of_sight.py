@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from ps_fmu.mechanism.quantities import ParameterError
-from ps_fmu.mechanism.quaternions import from_rotation_matrix
-from ps_fmu.mechanism.rotations import rotation_from_vector
+from ps_fmu.mechanism.rotations import from_rotation_matrix, rotation_from_vector
 from ps_fmu.sensors.line_of_sight import (
     DEFAULT_TRACKER,
     PAIRS,

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.bench import core_of, step_by_kernel, use_matrix
+from support.states import start_stepping
 
 from ps_fmu.numerics.library import find_library
 from ps_fmu.slavekit.author.blocks import LANES, find_pattern, make_blocks, store_by_columns
@@ -147,9 +148,7 @@ class Whole(Split):
 def begin(model: type[Slave], fault: float = 0.0) -> Slave:
     slave = model(instance_name="m")
     slave.set_real([slave.layout.reference["fault"]], [fault])
-    slave.setup_experiment(0.0)
-    slave.enter_initialization_mode()
-    slave.exit_initialization_mode()
+    start_stepping(slave)
     slave.set_real([slave.layout.reference["u"]], [8.0])
     return slave
 

@@ -11,9 +11,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fmpy import extract, read_model_description, simulate_fmu
-from fmpy.fmi2 import FMU2Slave
+from fmpy import read_model_description, simulate_fmu
 from fmpy.validation import validate_fmu
+from support.host import unpack
+from support.twins import InFmpy
 
 from ps_fmu.cli import main
 from ps_fmu.slavekit.pack import build
@@ -40,35 +41,20 @@ def altered(folder, name, *changes):
     return folder / name
 
 
-class Run:
+class Run(InFmpy):
     """An FMU in FMPy, up to its stepping phase."""
 
     def __init__(self, fmu, folder, **start):
-        extract(str(fmu), unzipdir=str(folder))
-        self.description = read_model_description(str(folder))
-        self.reference = {v.name: v.valueReference for v in self.description.modelVariables}
-        self.fmu = FMU2Slave(
-            guid=self.description.guid,
-            unzipDirectory=str(folder),
-            modelIdentifier=self.description.coSimulation.modelIdentifier,
-            instanceName=fmu.stem,
-        )
-        self.fmu.instantiate()
-        self.fmu.setupExperiment(startTime=0.0)
-        self.fmu.enterInitializationMode()
-        self.put(**start)
-        self.fmu.exitInitializationMode()
+        super().__init__(unpack(fmu, folder))
+        self.set(start)
+        self.initialise()
         self.n = 0
 
-    def put(self, **values):
-        for name, value in values.items():
-            self.fmu.setReal([self.reference[name.replace("__", ".")]], [value])
-
-    def steps(self, n):
+    def drive(self, n):
         rows = []
         for _ in range(n):
-            self.put(load=np.sin(self.n))
-            self.fmu.doStep(self.n * STEP, STEP)
+            self.set({"load": np.sin(self.n)})
+            self.step(self.n * STEP, STEP)
             self.n += 1
             rows.append(self.fmu.getReal([0, 1]))
         return rows
@@ -103,13 +89,13 @@ def test_simulate_fmu_equals_the_slave(built, make):
 
 def test_state_through_fmi_is_bit_exact(built, tmp_path):
     run = Run(built["oscillator"], tmp_path / "a", reference=0.5)
-    run.steps(7)
+    run.drive(7)
     state = run.fmu.getFMUstate()
     content = run.fmu.serializeFMUstate(state)
-    expected = run.steps(20)
+    expected = run.drive(20)
     run.fmu.setFMUstate(state)
     run.n = 7
-    assert run.steps(20) == expected
+    assert run.drive(20) == expected
     run.fmu.freeFMUstate(state)
 
     other = Run(built["oscillator"], tmp_path / "b")
@@ -117,7 +103,7 @@ def test_state_through_fmi_is_bit_exact(built, tmp_path):
     other.fmu.setFMUstate(state)
     other.fmu.freeFMUstate(state)
     other.n = 7
-    assert other.steps(20) == expected
+    assert other.drive(20) == expected
     for instance in (run, other):
         instance.fmu.terminate()
         instance.fmu.freeInstance()
@@ -130,12 +116,12 @@ def test_two_versions_in_one_process_run_their_own_code(built, tmp_path, order):
     runs = {i: Run(fmus[i], tmp_path / f"unzipped_{i}") for i in order}
     rows = {}
     for i in order:
-        runs[i].put(reference=0.5)
-        rows[i] = runs[i].steps(1)
+        runs[i].set({"reference": 0.5})
+        rows[i] = runs[i].drive(1)
     assert rows[0] != rows[1]
     again = Run(fmus[order[0]], tmp_path / "again")
-    again.put(reference=0.5)
-    assert again.steps(1) == rows[order[0]]
+    again.set({"reference": 0.5})
+    assert again.drive(1) == rows[order[0]]
     for run in (*runs.values(), again):
         run.fmu.freeInstance()
 

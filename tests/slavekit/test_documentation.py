@@ -9,6 +9,7 @@ import fmpy
 import pytest
 from lxml import etree
 from support.page import PAGE
+from support.states import start_stepping
 
 from ps_fmu.slavekit.author.slave import Slave, vector
 from ps_fmu.slavekit.author.terminals import Terminal, write_terminals
@@ -173,9 +174,7 @@ def sensor(tmp_path):
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     slave = module.LevelSensor(instance_name="sensor")
-    slave.setup_experiment(0.0)
-    slave.enter_initialization_mode()
-    slave.exit_initialization_mode()
+    start_stepping(slave)
     return slave
 
 

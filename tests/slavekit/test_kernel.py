@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from support.bench import N_INPUTS, Bench, H, core_of, step_by_kernel, use_matrix
 from support.defined_step import DefinedStep
+from support.states import start_stepping
 
 from ps_fmu.numerics.library import find_library
 from ps_fmu.slavekit.author.core import OutputLimits
@@ -148,9 +149,7 @@ def held(put) -> Callable[..., Held]:
     def make(**values: float) -> Held:
         slave = Held(instance_name="h")
         put(slave, **values)
-        slave.setup_experiment(0.0)
-        slave.enter_initialization_mode()
-        slave.exit_initialization_mode()
+        start_stepping(slave)
         return slave
 
     return make

@@ -12,6 +12,7 @@ import zipfile
 from pathlib import Path, PurePosixPath
 
 import pytest
+from support.archives import put, rewrite
 
 from ps_fmu.slavekit.author import guard
 from ps_fmu.slavekit.pack.modules import compile_module, pack_modules, write_entry
@@ -120,15 +121,10 @@ def test_byte_code_that_does_not_fit_is_left_alone(tmp_path, change):
     package = f"toy_with_another_{change}"
     files = {"toy.py": b"from .inner.part import Toy\n", "inner/__init__.py": b""}
     archive = make_package(tmp_path, package, files | {"inner/part.py": b"class Toy: size = 1\n"})
-    with zipfile.ZipFile(archive) as old:
-        content = {name: old.read(name) for name in old.namelist()}
-    content["inner/part.py"] = b"class Toy: size = 2\n"
-    if change == "version":
-        code = compile_module(content["inner/part.py"], "part.py")
-        content["inner/part.pyc"] = b"\0\0\r\n" + code[4:16] + b"no byte code"
-    with zipfile.ZipFile(archive, "w") as new:
-        for name, data in content.items():
-            new.writestr(name, data)
+    source = b"class Toy: size = 2\n"
+    code = b"\0\0\r\n" + compile_module(source, "part.py")[4:16] + b"no byte code"
+    changes = [put("inner/part.py", source), *([put("inner/part.pyc", code)] if change == "version" else [])]
+    rewrite(archive, archive, *changes)
     assert start(tmp_path, package, archive).size == 2
 
 

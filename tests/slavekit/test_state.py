@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from support.states import clocks, drive, numbers, use_made_up_state
+from support.states import clocks, drive, numbers, start_stepping, use_made_up_state
 
 from ps_fmu.slavekit.author.slave import ModelError, Refused
 from ps_fmu.slavekit.author.state import from_bytes, to_bytes
@@ -130,9 +130,7 @@ def test_a_restore_that_fails_leaves_the_slave_as_it_was(make):
 @pytest.fixture(scope="module")
 def sample(toys):
     slave = toys["oscillator"](instance_name="o")
-    slave.setup_experiment(0.0)
-    slave.enter_initialization_mode()
-    slave.exit_initialization_mode()
+    start_stepping(slave)
     drive(slave, 0, 5)
     return slave, to_bytes(slave._get_fmu_state())
 
@@ -183,15 +181,11 @@ def test_altered_bytes_are_refused_or_a_possible_state(sample, data):
 @given(clocks(), numbers())
 def test_states_that_someone_made_up_are_refused_or_gone_on_from(toys, name, clock, changes):
     slave = toys[name](instance_name="o")
-    slave.setup_experiment(0.0)
-    slave.enter_initialization_mode()
-    slave.exit_initialization_mode()
+    start_stepping(slave)
     drive(slave, 0, 5)
     use_made_up_state(slave, clock, changes)
     slave._set_fmu_state(toys[name](instance_name="fresh")._get_fmu_state())  # whatever it was, it has gone
-    slave.setup_experiment(0.0)
-    slave.enter_initialization_mode()
-    slave.exit_initialization_mode()
+    start_stepping(slave)
     drive(slave, 0, 5)
 
 

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from support.states import start_stepping
 
 from ps_fmu import native
 from ps_fmu.slavekit.author import core
@@ -63,9 +64,7 @@ def test_start_times_far_from_zero(toys, start):
     h, n = 1e-4, 3000
     slave, usual = (toys["waves"](instance_name="w") for _ in range(2))
     for instance, begin in ((slave, start), (usual, 0.0)):
-        instance.setup_experiment(begin, begin + n * h)
-        instance.enter_initialization_mode()
-        instance.exit_initialization_mode()
+        start_stepping(instance, begin, begin + n * h)
     for i in range(n):
         assert slave.do_step(start + i * h, h)
         assert usual.do_step(i * h, h)
@@ -111,9 +110,7 @@ def test_a_host_that_drifts_is_followed_through_steps_with_events(make, put):
 )
 def test_impossible_steps_are_refused_and_change_nothing(toys, time, step, problem):
     slave = toys["oscillator"](instance_name="o")
-    slave.setup_experiment(0.0, 100.0)
-    slave.enter_initialization_mode()
-    slave.exit_initialization_mode()
+    start_stepping(slave, 0.0, 100.0)
     run(slave, 2)
     before = everything(slave)
     with pytest.raises(Refused, match=f"^step from t = 0.02 s refused: .*{problem}"):
@@ -136,9 +133,7 @@ def test_a_host_is_told_in_one_line_why_a_step_is_refused(make, put, capfd):
 
 def test_the_last_step_may_end_at_the_stop_time_with_rounding(toys):
     slave = toys["oscillator"](instance_name="o")
-    slave.setup_experiment(0.0, 1.0)
-    slave.enter_initialization_mode()
-    slave.exit_initialization_mode()
+    start_stepping(slave, 0.0, 1.0)
     t = 0.0
     for _ in range(10):
         assert slave.do_step(t, 0.1)

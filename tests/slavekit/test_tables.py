@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from support.states import start_stepping
 
 from ps_fmu.numerics.calls import Calls
 from ps_fmu.numerics.library import find_address
@@ -16,9 +17,7 @@ BLOCK = 4  # rows that a call makes
 
 def start(model: type[Slave], begin: float = 0.0) -> Slave:
     slave = model(instance_name="tables")
-    slave.setup_experiment(begin)
-    slave.enter_initialization_mode()
-    slave.exit_initialization_mode()
+    start_stepping(slave, begin)
     return slave
 
 

@@ -12,6 +12,7 @@ from xml.etree import ElementTree
 import pytest
 from fmpy import read_model_description, simulate_fmu
 from fmpy.validation import validate_fmu
+from support.archives import DESCRIPTION, put, replace, rewrite
 from support.page import build_with_pythonfmu, write_example
 
 import ps_fmu
@@ -26,27 +27,6 @@ SLAVE = "resources/tank.py"
 def stock(tmp_path_factory):
     """The example as pythonfmu's own command builds it."""
     return build_with_pythonfmu(write_example(tmp_path_factory.mktemp("stock") / "example"))
-
-
-def rewrite(fmu, target, change):
-    """A copy of an FMU whose files, by name, were changed in place by ``change``."""
-    with zipfile.ZipFile(fmu) as archive:
-        files = {name: archive.read(name) for name in archive.namelist()}
-    change(files)
-    with zipfile.ZipFile(target, "w") as archive:
-        for name, content in files.items():
-            archive.writestr(name, content)
-    return target
-
-
-def replace(name, old, new):
-    """A change for :func:`rewrite`."""
-
-    def change(files):
-        assert old in files[name]
-        files[name] = files[name].replace(old, new)
-
-    return change
 
 
 def run(fmu):
@@ -72,7 +52,7 @@ def test_the_example_of_the_page_from_source_and_from_a_stock_fmu(stock, tmp_pat
 
 
 def test_the_authors_files_stay_and_the_same_source_gives_the_same_bytes(stock, tmp_path):
-    given = rewrite(stock, tmp_path / "in.fmu", lambda files: files.update({"binaries/linux64/libfirst.so": b"author"}))
+    given = rewrite(stock, tmp_path / "in.fmu", put("binaries/linux64/libfirst.so", b"author"))
     (first, _), (second, _) = (wrap(given, tmp_path / name) for name in ("a.fmu", "new folder"))
     assert first.read_bytes() == second.read_bytes()
     with zipfile.ZipFile(stock) as before, zipfile.ZipFile(first) as after:
@@ -163,13 +143,13 @@ class TestWhatIsRefused:
             (lambda files: files.update({"../outside.py": b""}), "leads out of the archive"),
             (lambda files: files.update({"/outside.py": b""}), "leads out of the archive"),
             (lambda files: files.update({"resources/" + 300 * "x": b""}), "longer than 255 characters"),
-            (replace("modelDescription.xml", b'fmiVersion="2.0"', b'fmiVersion="3.0"'), "FMI 3.0; expected FMI 2.0"),
-            (replace("modelDescription.xml", b"<fmi", b'<!DOCTYPE x [<!ENTITY a "b">]><fmi'), "document type"),
-            (replace("modelDescription.xml", b'encoding="UTF-8"', b'encoding="cp037"'), "not in UTF-8"),
-            (replace("modelDescription.xml", b"<Log", 1000 * b"<a>" + 1000 * b"</a>" + b"<Log"), "100 levels"),
-            (replace("modelDescription.xml", b'"Tank"', b'"../Tank"'), "modelIdentifier is '../Tank'"),
+            (replace(DESCRIPTION, {b'fmiVersion="2.0"': b'fmiVersion="3.0"'}), "FMI 3.0; expected FMI 2.0"),
+            (replace(DESCRIPTION, {b"<fmi": b'<!DOCTYPE x [<!ENTITY a "b">]><fmi'}), "document type"),
+            (replace(DESCRIPTION, {b'encoding="UTF-8"': b'encoding="cp037"'}), "not in UTF-8"),
+            (replace(DESCRIPTION, {b"<Log": 1000 * b"<a>" + 1000 * b"</a>" + b"<Log"}), "100 levels"),
+            (replace(DESCRIPTION, {b'"Tank"': b'"../Tank"'}), "modelIdentifier is '../Tank'"),
             (lambda files: [files.pop(n) for n in list(files) if n[:9] == "binaries/"], "no platform at all"),
-            (replace("binaries/linux64/Tank.so", b"finalizePythonInterpreter", 25 * b"x"), "not of pythonfmu 0.7"),
+            (replace("binaries/linux64/Tank.so", {b"finalizePythonInterpreter": 25 * b"x"}), "not of pythonfmu 0.7"),
         ],
     )
     def test_archives(self, stock, tmp_path, change, problem):

@@ -14,7 +14,6 @@ from ps_fmu.studies.bundle import open_folder
 from ps_fmu.studies.case_runner import CaseRunner
 from ps_fmu.studies.conclusion import describe_signals
 from ps_fmu.studies.rows import DONE, SIGNALS, RowStore, name_file, write_durably
-from ps_fmu.studies.study import StudyError
 from ps_fmu.studies.sweep import SweepOptions, compute, hold, prepare
 from ps_fmu.studies.worker import run_batch
 
@@ -155,25 +154,6 @@ def test_the_study_says_whose_signals_there_are(tmp_path):
     assert describe_signals(tmp_path) == [f"Signals of one case are in the folder {SIGNALS}: 3."]
     (tmp_path / SIGNALS / name_file(17)).touch()
     assert describe_signals(tmp_path) == [f"Signals of 2 cases are in the folder {SIGNALS}: 3, 17."]
-
-
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [
-        ('variables = ["toy.eror"]\ncases = "all"', r"variables: no output matches 'toy.eror'.*toy.error"),
-        ('variables = ["toy.error"]', r"cases: no case is chosen"),
-        ('variables = ["toy.error"]\ncases = [6]', r"cases: there is no case 6: the study has the cases 0 to 5"),
-        ('variables = ["toy.error"]\ncases = "some"', r"cases: expected one of all, got 'some'"),
-        ('variables = ["toy.error"]\ncases = "all"\nstep = "1.5 ms"', r"step: 0.0015 s are no whole number of steps"),
-        ('variables = ["toy.error"]\ncases = "all"\nstep = "1 s"', r"step: 1 s are longer than a run of 0.1 s"),
-        ('variables = ["toy.error"]\nworst = 0', r"worst: expected a whole number >= 1, got 0"),
-        ('variables = ["toy.error"]\ncases = "all"\nmost = 1e-4', r"2 outputs of 6 cases take some 0.000457 GB"),
-        ('variables = ["toy.error"]\ncases = "all"\ncompress = 1', r"signals\.compress: unknown key"),
-    ],
-)
-def test_what_cannot_be_stored_is_refused_before_anything_runs(make_prepared, text, expected):
-    with pytest.raises(StudyError, match=expected):
-        make_prepared(changes=signals(text))
 
 
 @pytest.mark.parametrize("duration", ["5 s", "16 s"])  # one chunk of rows, two chunks

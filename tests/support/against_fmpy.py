@@ -23,7 +23,10 @@ from fmpy.model_description import ModelDescription, ModelVariable
 from numpy.lib import recfunctions
 
 from ps_fmu.cosim.isolation.instance import Isolation
-from ps_fmu.runs.any_system import AnyRun, run_any
+from ps_fmu.runs.options import RunOptions
+from ps_fmu.runs.plain import find
+from ps_fmu.runs.run import Run
+from ps_fmu.runs.scenario import PLAIN
 
 STEP_S, DURATION_S = 0.1, 2.0
 """Where an FMU states none."""
@@ -79,8 +82,8 @@ def _compare_one(
         any_output = any(v.causality == "output" for v in description.modelVariables)
         also = () if any_output else tuple(f"{name}.{column}" for column in theirs.dtype.names[1:])
         ours = _run(
-            AnyRun(
-                fmu, Path(folder), stop - _get_start(description), step, observe=also, progress=False, figures=False,
+            RunOptions(
+                PLAIN, fmu, Path(folder), stop - _get_start(description), step, None, observe=also, progress=False,
                 isolation=isolation,
             )
         )  # fmt: skip
@@ -95,8 +98,8 @@ def _compare_two(
     (first, one), (second, other) = pair.items()
     stop, step = _get_times(one)
     with tempfile.TemporaryDirectory() as folder:
-        options = AnyRun(
-            _write(Path(folder), list(pair), wires), Path(folder, "out"), stop, step, progress=False, figures=False,
+        options = RunOptions(
+            PLAIN, _write(Path(folder), list(pair), wires), Path(folder, "out"), stop, step, None, progress=False,
             outside=True, isolation=isolation,
         )  # fmt: skip
         options.output.mkdir()
@@ -122,9 +125,9 @@ def _get_start(description: ModelDescription) -> float:
     return 0.0 if own is None else float(own.startTime or 0.0)
 
 
-def _run(options: AnyRun) -> dict[str, Any]:
+def _run(options: RunOptions) -> dict[str, Any]:
     """Columns of our results, by their names there."""
-    run_any(options)
+    find(Run(options))
     with netCDF4.Dataset(options.output / "results.nc") as file:
         return {name: np.array(variable[:]) for name, variable in file["run"].variables.items()}
 

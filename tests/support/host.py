@@ -1,11 +1,16 @@
-"""Unpacked FMUs, and what the C host of tests/host has to be told about them."""
+"""A C compiler, unpacked FMUs, and what the C host of tests/host has to be told about them."""
 
 from __future__ import annotations
 
+import shutil
+import sys
 import zipfile
 from pathlib import Path
 
 from fmpy import read_model_description
+
+COMPILER = ["cc"] if shutil.which("cc") else [sys.executable, "-m", "ziglang", "cc"]
+"""Of the C programs and FMUs of the tests."""
 
 
 def unpack(fmu: Path, folder: Path) -> Path:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 from scipy.special import lambertw
 
 from ps_fmu.control.feedforward import Controller
@@ -22,6 +23,7 @@ from ps_fmu.theory.loop import (
     controller_system,
     plant_system,
 )
+from ps_fmu.theory.transfer_matrices import Nominal
 
 REFERENCE = Path(__file__).parents[1] / "data" / "multibody-reference.json"
 PAPER = load()
@@ -100,6 +102,11 @@ def dynamics_at(pose: Pose, parameters: Parameters = PAPER) -> Dynamics:
     return assemble(parameters.manipulator, parameters.payload, parameters.bus, pose)
 
 
+def to_rotation_matrix(q: NDArray) -> NDArray:
+    """The rotation matrix of a unit quaternion, scalar first, (..., 4) to (..., 3, 3)."""
+    return Rotation.from_quat(np.reshape(q, (-1, 4)), scalar_first=True).as_matrix().reshape(*np.shape(q)[:-1], 3, 3)
+
+
 def reference_cases() -> list[dict]:
     return json.loads(REFERENCE.read_text())["cases"]
 
@@ -116,6 +123,11 @@ def complex_array(pair: list) -> NDArray[np.complex128]:
 def relative_error(value: NDArray, reference: NDArray) -> float:
     """Largest difference over frequencies, each against the largest element of the reference matrix there."""
     return float((np.abs(value - reference).max(axis=(-2, -1)) / np.abs(reference).max(axis=(-2, -1))).max())
+
+
+def fixed_base(nominal: Nominal, s: NDArray) -> NDArray:
+    """Fine force to payload rotation as if the base did not move, (..., 3, 3), eq (46)."""
+    return nominal.dynamics.jacobians.J_theta_f @ np.linalg.inv(nominal.U(s)[0])
 
 
 def closed_loop(model: PlantModel, controller: Controller):

@@ -4,6 +4,7 @@ import importlib.util
 import sys
 import xml.etree.ElementTree as ET
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from ps_fmu.runs.built_fmus import list_models
@@ -21,16 +22,21 @@ COMPONENTS = {
 }
 
 
+def load_script(path: Path, name: str = "") -> ModuleType:
+    """A file as a module, known by this name or its own."""
+    spec = importlib.util.spec_from_file_location(name or path.stem, path)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
 def slave_class(folder: str, models: Path = FMUS) -> type[Slave]:
     """The one Slave class that ``<models>/<folder>/<folder>.py`` defines."""
     name = f"{models.name}_{folder}"
     if name not in sys.modules:
-        spec = importlib.util.spec_from_file_location(name, models / folder / f"{folder}.py")
-        assert spec is not None
-        assert spec.loader is not None
-        module = importlib.util.module_from_spec(spec)
-        sys.modules[name] = module
-        spec.loader.exec_module(module)
+        load_script(models / folder / f"{folder}.py", name)
     module = sys.modules[name]
     (found,) = [
         c for c in vars(module).values() if isinstance(c, type) and issubclass(c, Slave) and c.__module__ == name

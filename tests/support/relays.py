@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import zipfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from xml.etree import ElementTree
 
+from support.archives import DESCRIPTION, rewrite
 from support.cosim import HEAD
 
 NAMES = ("real", "level", "whole", "flag", "text")
@@ -113,13 +113,11 @@ def make_relay(
     plain: Path, target: Path, units: Mapping[str, str] | None = None, items: Sequence[tuple[str, int]] = ()
 ) -> Path:
     """A relay whose Reals have units, by variable, and whose Integers are an enumeration."""
-    with zipfile.ZipFile(plain) as old, zipfile.ZipFile(target, "w") as new:
-        for name in old.namelist():
-            data = old.read(name)
-            if name == "modelDescription.xml":
-                data = _change(data, units or {}, items)
-            new.writestr(name, data)
-    return target
+
+    def change(files: dict[str, bytes]) -> None:
+        files[DESCRIPTION] = _change(files[DESCRIPTION], units or {}, items)
+
+    return rewrite(plain, target, change)
 
 
 def _change(data: bytes, units: Mapping[str, str], items: Sequence[tuple[str, int]]) -> bytes:

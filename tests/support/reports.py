@@ -1,9 +1,10 @@
-"""Reports with all that a reader can explore, made without running anything."""
+"""Reports with all that a reader can explore, cases of a study and waterfalls, made without running anything."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from ps_fmu.results.page.cases import CaseColumn, CaseTable, Mark
 from ps_fmu.results.page.content import (
     Axis,
     Chart,
@@ -18,6 +19,7 @@ from ps_fmu.results.page.content import (
 )
 from ps_fmu.results.report import Report
 from ps_fmu.results.tables import Table
+from ps_fmu.results.waterfall import CasePanel, Harmonic, ModeLine, Place, Waterfall
 
 VERDICTS = (
     VerdictRow("RPE over 1 s, payload rotation x", "3.9e-7 rad", "5e-7 rad", "23 %", "95 %", True),
@@ -99,3 +101,63 @@ def make_mechanism(name: str, duration_s: float, count: int = 2000) -> Mechanism
         for label, r in ((f"{name}, passive", nodding), ("active", still))
     ]
     return Mechanism("The mechanism in motion", "Drag to turn.", base, 0.5 * base, motions)
+
+
+LIMIT_RAD = 5e-7
+COMMAND = ("ps-fmu sweep study.toml --case ", " --output results/study")
+FAILED = 7
+
+
+def make_cases(count: int = 300, name: str = "payload.mass") -> CaseTable:
+    """A metric that rises with the mass, one of noise; case 7 has no result, and case 5 is the worst."""
+    rng = np.random.default_rng(4)
+    mass, mode = rng.uniform(48.0, 52.0, count), rng.integers(0, 2, count).astype(float)
+    blur = 3e-7 + 4e-8 * (mass - 48.0) + 2e-8 * rng.standard_normal(count)
+    blur[5], blur[FAILED] = 9e-7, np.nan
+    noise = np.abs(rng.standard_normal(count))
+    noise[FAILED] = np.nan
+    finite = blur[np.isfinite(blur)]
+    marks = [Mark(f"{p:g} %", float(np.percentile(finite, p))) for p in (5, 50, 95)]
+    return CaseTable(
+        "Cases",
+        "Each point is a case.",
+        [CaseColumn(name, "kg", mass), CaseColumn("isolator.mode", "1", mode, ["soft", "stiff"])],
+        [
+            CaseColumn("blur of an exposure", "rad", blur, (), LIMIT_RAD, marks, [0.9, -0.1]),
+            CaseColumn("noise", "m", noise, (), None, (), [0.02, float("nan")]),
+        ],
+        "rank correlation",
+        COMMAND,
+        {FAILED: "failed: the model broke"},
+        [5],
+    )
+
+
+def make_case_report(count: int = 300, name: str = "payload.mass") -> Report:
+    """The cases alone."""
+    return Report(title="A study", explored=Exploration(cases=make_cases(count, name)))
+
+
+TOP_RPM, MODE_HZ, ORDER = 6000.0, 60.0, 1.5
+FLOOR, PEAK = 1e-9, 1e-5  # rad
+
+
+def make_waterfall(name: str = "wheel_1", case: str = "passive") -> Waterfall:
+    """Amplitudes of ``PEAK`` on the line of the harmonic, a tenth in the second panel, and ``FLOOR`` elsewhere."""
+    speed, frequency = np.linspace(0.0, TOP_RPM, 101), np.linspace(0.0, 200.0, 401)
+    line = ORDER * speed / 60.0
+    amplitude = np.full((len(speed), len(frequency)), FLOOR)
+    amplitude[np.abs(frequency - line[:, None]) < 0.6] = PEAK
+    mark = Place(MODE_HZ, 60.0 * MODE_HZ / ORDER, f"{name}, tower mode")
+    return Waterfall(
+        title=f"Waterfall of {name}",
+        caption="Speed and frequency.",
+        label=f"speed of {name}",
+        ordinate_unit="rpm",
+        unit="rad",
+        ordinate=speed,
+        frequency=frequency,
+        panels=[CasePanel(case, amplitude, mark), CasePanel("active", 0.1 * amplitude)],
+        lines=[Harmonic(name, ORDER, line), Harmonic(name, 3.0, 2.0 * line)],
+        modes=[ModeLine("tower mode", MODE_HZ), ModeLine("mast mode 1", 140.0), ModeLine("mast mode 2", 141.0)],
+    )

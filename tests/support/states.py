@@ -21,6 +21,13 @@ _NUMBERS = st.one_of(
 _COUNTS = st.one_of(st.integers(-1, 2000), st.sampled_from((2**31, 2**52, 2**62, 2**63 - 1, -(2**63))))
 
 
+def start_stepping(slave: Slave, start: float = 0.0, stop: float | None = None) -> None:
+    """The calls up to the first step; start and stop time in s."""
+    slave.setup_experiment(start, stop)
+    slave.enter_initialization_mode()
+    slave.exit_initialization_mode()
+
+
 def clocks() -> st.SearchStrategy[dict[str, Any]]:
     """Other values for some fields of a SlaveClock."""
     fields = {

@@ -19,8 +19,8 @@ from ps_fmu.cosim.graph import check_wiring
 from ps_fmu.cosim.master import Event
 from ps_fmu.cosim.rows import make_layout
 from ps_fmu.cosim.structure import parse_port
-
-from .host import told
+from support.cosim import simulate
+from support.host import told
 
 
 def wired(
@@ -88,6 +88,12 @@ def run_master(
     task.write_bytes(pickle.dumps((system, step, duration, events)))
     tests = Path(__file__).parents[1]
     environment = {"PYTHONPATH": os.pathsep.join([str(tests), *sys.path]), "OMP_NUM_THREADS": "1"}
-    subprocess.run([sys.executable, tests / "support" / "in_master.py", task, result], env=environment, check=True)
+    subprocess.run([sys.executable, "-m", "support.wired", task, result], env=environment, check=True)
     with np.load(result) as columns:
         return dict(columns)
+
+
+if __name__ == "__main__":
+    system, step, duration, events = pickle.loads(Path(sys.argv[1]).read_bytes())
+    rows = simulate(system, step, duration, events=events)
+    np.savez(sys.argv[2], **dict(zip(rows.names, rows.values.T, strict=True)))

@@ -15,8 +15,8 @@ from ps_fmu.cosim.structure import Connection, PortName
 from ps_fmu.mechanism.discretisation import zero_order_hold
 from ps_fmu.mechanism.linear_model import Plant
 from ps_fmu.results.observers.sampler import SampleObserver
-from ps_fmu.runs.execute import run_scenario
 from ps_fmu.runs.options import OptionError, RunOptions
+from ps_fmu.runs.run import execute
 from ps_fmu.runs.scenario import SCENARIOS
 from ps_fmu.runs.setup import load_system
 from ps_fmu.scenarios import pointing as scenario
@@ -122,7 +122,7 @@ def test_the_scenario(options, ssv, capsys, monkeypatch):
     monkeypatch.setattr(scenario, "measure_loop", lambda *args: {})  # measured above
     given = {"commander.target.roll": 0.005, "commander.target.pitch": -0.004, "commander.min_duration": 3.0}
     options = options(33.0, 1e-2, parameters=(ssv(given),))
-    run_scenario(options)
+    execute(options)
     summary = json.loads((options.output / "summary.json").read_text())["pointing"]
     assert len(summary["locks_s"]) == 2
     for phase in ("locked", "locked again"):
@@ -140,4 +140,4 @@ def test_the_scenario(options, ssv, capsys, monkeypatch):
 def test_a_system_without_a_tracker_is_refused_by_name(options):
     wrong = options(3.0, H, system=LINE_OF_SIGHT.with_name("SystemStructure.ssd"))
     with pytest.raises(OptionError, match="has no tracker and no pointing: take"):
-        run_scenario(wrong)
+        execute(wrong)

@@ -1,16 +1,16 @@
 """The command line of system/run.py: what it takes, what it refuses, how it ends."""
 
-import argparse
-import importlib.util
 from pathlib import Path
 
 import pytest
+from support.models import load_script
 
-from ps_fmu import cli, run_command, system_command
+from ps_fmu import cli, run_command
 from ps_fmu.cosim.errors import UsageError
+from ps_fmu.cosim.schemes.scheme import Scheme
 from ps_fmu.product import files
 from ps_fmu.runs.options import OptionError
-from ps_fmu.runs.publish import NotMetError
+from ps_fmu.runs.publish import Done
 
 RUN = Path(__file__).parents[2] / "system" / "run.py"
 
@@ -18,11 +18,8 @@ RUN = Path(__file__).parents[2] / "system" / "run.py"
 @pytest.fixture
 def run(tmp_path, monkeypatch):
     """The script as a module, in a working directory of its own, with nothing to build."""
-    spec = importlib.util.spec_from_file_location("run_script", RUN)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
+    module = load_script(RUN, "run_script")
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(run_command, "provide_fmus", lambda folder, system: None)
     return module
 
 
@@ -33,11 +30,12 @@ def scenario(monkeypatch):
     def replace_by(function):
         called = []
 
-        def run_scenario(options, _show):
+        def execute(options):
             called.append(options)
-            function(options)
+            return function(options) or Done((), "")
 
-        monkeypatch.setattr(run_command, "run_scenario", run_scenario)
+        monkeypatch.setattr(run_command, "build_fmus", lambda options: None)
+        monkeypatch.setattr(run_command, "execute", execute)
         return called
 
     return replace_by
@@ -67,7 +65,7 @@ def test_all_arguments_arrive(run, scenario, tmp_path):
     assert (options.system, options.requirements) == (Path("other.ssd"), Path("c.toml"))
     assert options.disturbance == Path("d.nc")
     assert options.observe == ("a.*", "b.?")
-    assert (options.output, options.scheme, options.storage_stride) == (tmp_path / "out", "gauss-seidel", 10)
+    assert (options.output, options.scheme, options.storage_stride) == (tmp_path / "out", Scheme("gauss-seidel"), 10)
 
 
 @pytest.mark.parametrize(
@@ -127,7 +125,7 @@ def test_a_requirement_that_is_not_met_ends_with_1(run, scenario, capsys):
     def judge(options):
         for name in ("results.nc", "summary.json", "report.html"):
             (options.output / name).write_text("")
-        raise NotMetError("requirements: 0 of 1 are met, 1 not met")
+        return Done(["requirements: 0 of 1 are met, 1 not met"], "")
 
     scenario(judge)
     assert run.main(["--output", "out"]) == 1
@@ -221,17 +219,8 @@ def test_a_run_that_is_refused_leaves_no_folder(run, scenario, tmp_path):
     assert not list((tmp_path / "earlier").iterdir())
 
 
-def test_a_file_does_not_hide_a_scenario(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "slew").touch()
-    (tmp_path / "slow").touch()
-    meant = [system_command.is_meant([name]) for name in ("slew", "./slew", "slow")]
-    assert meant == [False, True, True]
-
-
-def test_any_system_finds_parameters_of_ps_fmu_by_name():
-    command_line = argparse.ArgumentParser()
-    system_command.add_arguments(command_line)
-    given = command_line.parse_args(["SystemStructure.ssd", "--parameters", "rigid.ssv"])
-    (found,) = system_command.read_options(given).parameters
+def test_any_system_finds_parameters_of_ps_fmu_by_name(run, scenario):
+    called = scenario(lambda options: None)
+    assert run.main(["SystemStructure.ssd", "--parameters", "rigid.ssv"]) == 0
+    (found,) = called[0].parameters
     assert found.is_file() and found.name == "rigid.ssv"

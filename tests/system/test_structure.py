@@ -1,6 +1,5 @@
 """The systems, parameters and faults of system/: they fit the FMUs, their values arrive, they do what they say."""
 
-import importlib.util
 import json
 import re
 from dataclasses import replace
@@ -16,6 +15,7 @@ from scipy.signal import lfilter
 from support.cosim import simulate
 from support.faults import write
 from support.linear import run
+from support.models import load_script
 
 from ps_fmu.actuators.voice_coil import Coils
 from ps_fmu.cosim import Master, System, read_parameters, read_system
@@ -247,10 +247,7 @@ LEAST = {"accelerometer_fails": (3.0, 15.0), "voice_coil_sticks": (15.0, 15.0), 
 
 @pytest.fixture(scope="module")
 def drawing():
-    spec = importlib.util.spec_from_file_location("draw_faults", ROOT / "docs" / "draw_faults.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return load_script(ROOT / "docs" / "draw_faults.py")
 
 
 @pytest.mark.parametrize("path", FAULTS, ids=lambda path: path.stem)

@@ -12,7 +12,7 @@ from ps_fmu.control.pointing import PointingLaw
 from ps_fmu.cosim import Master, read_system
 from ps_fmu.disturbance import default_settings
 from ps_fmu.disturbance.wheels import SpeedProfile, WheelSource
-from ps_fmu.interface.parameter_sets import build_plant_and_isolator
+from ps_fmu.interface.start_values import build_plant_and_isolator
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.mechanism.quantities import ParameterError, replace_values
 from ps_fmu.mechanism.signals import N_INPUTS, N_OUTPUTS, output_slices

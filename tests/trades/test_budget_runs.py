@@ -13,8 +13,7 @@ from ps_fmu.disturbance import multisine_lines, psd_at_origin
 from ps_fmu.pointing import RelativeError
 from ps_fmu.pointing.budget import make_budget
 from ps_fmu.results.observers.sampler import SampleObserver
-from ps_fmu.trades.budget.results import find_edges
-from ps_fmu.trades.budget.sources import list_sources, select_signals
+from ps_fmu.trades.budget.results import find_edges, list_sources, select_signals
 from ps_fmu.trades.budget.system_model import Circuit, read_model
 
 SYSTEM = Path(__file__).parents[2] / "system"

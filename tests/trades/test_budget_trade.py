@@ -14,8 +14,14 @@ from ps_fmu.cosim import read_system
 from ps_fmu.pointing import RelativeError
 from ps_fmu.pointing.budget import UncertaintyFactors, make_budget
 from ps_fmu.trades.budget import report
-from ps_fmu.trades.budget.results import compute_budgets, find_edges, list_wanted, read_factors
-from ps_fmu.trades.budget.sources import list_sources, select_signals
+from ps_fmu.trades.budget.results import (
+    compute_budgets,
+    find_edges,
+    list_sources,
+    list_wanted,
+    read_factors,
+    select_signals,
+)
 from ps_fmu.trades.budget.system_model import SOURCE, BudgetError, Circuit, read_model
 
 SYSTEM = Path(__file__).parents[2] / "system"

@@ -68,7 +68,7 @@ _TABLE = (
         "transmissibility",
         "Figs 8 and 11: singular values in closed form, and as measured on the running FMUs at each "
         "orientation and in each case (132 runs, about 2 minutes on two cores)",
-        "ps_fmu.paper.figures.fig08_11.analysis:analyse",
+        "ps_fmu.paper.figures.fig08_11.report:analyse",
     ),
     Analysis(
         "stability",

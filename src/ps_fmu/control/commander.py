@@ -10,12 +10,18 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from ..mechanism.geometry import Geometry
-from ..mechanism.inverse_kinematics import InversePose, Solver, descend, inverse_kinematics, trilaterate
-from ..mechanism.kinematics import KinematicsError
+from ..mechanism.inverse_kinematics import (
+    InversePose,
+    Solver,
+    descend,
+    inverse_kinematics,
+    stroke_margin,
+    trilaterate,
+    why_unreachable,
+)
+from ..mechanism.kinematics import Geometry, KinematicsError
 from ..mechanism.parameters import Manipulator, Parameters
 from ..mechanism.quantities import Array, Checked, group, quantity
-from ..mechanism.reachability import stroke_margin, why_unreachable
 from .profile import Limits, Profile, State, plan
 
 # Bus modes from 0.45 Hz on and the 5 Hz suspension set these: 8.5 deg take 26 s and leave a 0.45 Hz mode with

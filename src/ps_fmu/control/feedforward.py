@@ -21,9 +21,8 @@ from functools import lru_cache
 import numpy as np
 
 from ..mechanism.discretisation import make_held_step_map, zero_order_hold
-from ..mechanism.dynamics import Pose, payload_mass
+from ..mechanism.dynamics import Pose, leg_mass_on, payload_mass
 from ..mechanism.kinematics import jacobians
-from ..mechanism.legs import leg_mass_on
 from ..mechanism.parameters import FeedforwardFilters, Manipulator, Payload
 from ..mechanism.quantities import Array, Complex
 

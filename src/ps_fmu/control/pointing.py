@@ -23,9 +23,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..mechanism.discretisation import zero_order_hold
-from ..mechanism.dynamics import Pose, payload_mass
+from ..mechanism.dynamics import Pose, leg_mass_on, payload_mass
 from ..mechanism.kinematics import jacobians
-from ..mechanism.legs import leg_mass_on
 from ..mechanism.parameters import Manipulator, Parameters, Payload
 from ..mechanism.quantities import Array, Checked, Complex, group, quantity
 from .isolator import known_payload, nominal_pose
@@ -98,10 +97,10 @@ class PointingFilter:
         The excess is what a limit cut off.  It goes back to the first integral (back-calculation) through the static
         gain of the notch, at the rate w_c.  ``frozen``: the integrals stay as they are.
         """
-        A, B = self._axes(frozen)
-        one = np.eye(3)
-        back = np.linalg.inv(self.notch.stiffness)  # N to rad
-        full_B = np.asarray(np.hstack([np.kron(B, one), -np.kron(B, back)]))
+        return *self._spread(*self._axes(frozen)), self.output_map()
+
+    def output_map(self) -> Array:
+        """C: force from the state, (3, 12)."""
         d = self.design
         wr = 2.0 * np.pi * d.rolloff_frequency  # rad/s
         command = _command(d)  # of v by i and j
@@ -109,19 +108,16 @@ class PointingFilter:
         C = np.kron(acceleration, self.notch.mass)
         C[:, 6:9] += self.notch.stiffness
         C[:, 9:12] += self.notch.damping
-        return np.asarray(np.kron(A, one)), full_B, np.asarray(C)
-
-    def output_map(self) -> Array:
-        """C: force from the state, (3, 12)."""
-        return self.matrices()[2]
+        return np.asarray(C)
 
     def hold(self, h: float, *, frozen: bool = False) -> tuple[Array, Array]:
         """Ad (12, 12) and Bd (12, 6) of a step of ``h`` (s), for error and excess held over it; exact."""
-        A, B = self._axes(frozen)
-        Ad, Bd = zero_order_hold(A, B, h)
-        back = np.linalg.inv(self.notch.stiffness)
-        one = np.eye(3)
-        return np.asarray(np.kron(Ad, one)), np.asarray(np.hstack([np.kron(Bd, one), -np.kron(Bd, back)]))
+        return self._spread(*zero_order_hold(*self._axes(frozen), h))
+
+    def _spread(self, A: Array, B: Array) -> tuple[Array, Array]:
+        """From one axis to all, and from the excess of the forces, which the static gain of the notch turns."""
+        one, back = np.eye(3), np.linalg.inv(self.notch.stiffness)  # N to rad
+        return np.asarray(np.kron(A, one)), np.asarray(np.hstack([np.kron(B, one), -np.kron(B, back)]))
 
     def response(self, s: ArrayLike) -> Complex:
         """From error (rad, P) to fine force (N), (..., 3, 3)."""

@@ -86,13 +86,14 @@ def list_run_columns(
     inputs: Mapping[str, Signal],
     scheme: str | Scheme,
     step: float,
+    also: Collection[PortName] = (),
 ) -> tuple[Column, ...]:
-    """What a run of a system with a ``step`` [s] can record, in order, without what only faults add.
+    """What a run of a system with a ``step`` [s] can record, in order; ``also``: beside the outputs, as of faults.
 
     Raises :class:`UsageError`: inputs or outputs of the system, or a scheme, that cannot be.
     """
     resolved = resolve_scheme(make_scheme(scheme), system, descriptions, step)
-    return RunColumns(system, descriptions, bind_signals(system, descriptions, inputs), resolved).every
+    return RunColumns(system, descriptions, bind_signals(system, descriptions, inputs), resolved, also).every
 
 
 @dataclass(frozen=True)

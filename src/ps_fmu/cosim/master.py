@@ -17,7 +17,7 @@ from .checkpoint.checkpoints import Checkpoints
 from .clock import Event, Progress, Schedule, make_clock, make_schedule, time_progress
 from .columns import RunColumns
 from .description import check_value, find_variable, read_descriptions
-from .errors import CosimError, SlaveEnded, UsageError
+from .errors import CosimError, SlaveEnded, SlaveError, UsageError
 from .faults.active import make_faults
 from .faults.reading import FaultFile
 from .fmu_instance import InstancePhase
@@ -269,7 +269,9 @@ class Master(Assembly):
             log.warning("%s", ended)
         except BaseException as error:
             self._running = False
-            error.add_note(f"The simulation of {self.system.path} stopped at t = {self.time:.9g} s.")
+            failed = error.time if isinstance(error, SlaveError) else None  # a value may be refused some rows later
+            stopped = self.time if failed is None else min(failed, self.time)
+            error.add_note(f"The simulation of {self.system.path} stopped at t = {stopped:.9g} s.")
             self._abort()
             raise
         finally:

@@ -125,8 +125,11 @@ class WheelSource:
         plan = plan_products(tuple(dict.fromkeys(self._orders.tolist())))  # force and torque share orders
         which = [plan.place[order] for order in self._orders.tolist()]
         self._turning = _Turning(plan, which, _integrate(lines, self._orders), force.orders.size, along)
-        self._ramp = self._turning.follow(profile, rise_time) if isinstance(profile, SpeedProfile) else None
-        """Where the speed is no table."""
+        self._whole = None
+        """For the compiled wheel, where the speed is no table."""
+        if isinstance(profile, SpeedProfile):
+            ends = profile.initial, profile.final, profile.start, profile.duration
+            self._whole = library.Profile(*ends, rise_time)
 
     @property
     def orders(self) -> Array:
@@ -151,15 +154,15 @@ class WheelSource:
         wrench, time = np.zeros((time.size, 6)), np.ascontiguousarray(time, dtype=np.float64)
         for first in range(0, time.size, _ROWS):
             part = slice(first, first + _ROWS)
-            if self._ramp is not None:
-                self._ramp.add(wrench[part], time[part])
+            if calls := self.make_calls(wrench[part], time[part]):
+                calls.finish()
             else:
                 self._turning.add(wrench[part], self.profile.angle(time[part]), self._compute_sizes(time[part]))
         return wrench
 
     def make_calls(self, rows: Array, time: Array) -> Calls | None:
         """Calls that add the wrench at the times (n,), s, to rows (n, 6); None: it is not all compiled."""
-        return None if self._ramp is None else self._ramp.make_calls(rows, time)
+        return None if self._whole is None else self._turning.make_calls(rows, time, self._whole)
 
     def _compute_sizes(self, time: Array) -> Array:
         """What the sums over the harmonics and over their first and second integrals are multiplied by, (m, n).
@@ -208,41 +211,20 @@ class _Turning:
         for row, wrench in zip(self._shared.along, along.reshape(4, 6).tolist(), strict=True):
             row[:] = wrench
         found: Any = library.find_arithmetic()
-        self._add = found.add_turning
-        self.add_some_turns: int = found.add_some_turns
+        self._add, self._add_some = found.add_turning, found.add_some_turns
 
     def add(self, rows: Array, angle: Array, sizes: Array) -> None:
         """Add the first sums, each multiplied by its sizes (m, n), at the angles (n,), rad, to ``rows`` (n, 6)."""
         shared, (n_terms, n), room = byref(self._shared), sizes.shape, find_address(self._room)
         self._add(shared, find_address(angle), n, find_address(sizes), n_terms, room, find_address(rows))
 
-    def follow(self, profile: SpeedProfile, rise_time: float) -> _Ramp:
-        """The wrench of a wheel, three sums."""
-        whole = library.Profile(profile.initial, profile.final, profile.start, profile.duration, rise_time)
-        return _Ramp(self, self._shared, whole, self._room)
-
-
-@dataclass(frozen=True, eq=False)
-class _Ramp:
-    """The wrench of a wheel whose speed is a profile, as a function of time."""
-
-    turning: _Turning
-    """What ``shared`` points into."""
-    shared: library.Turning
-    profile: library.Profile
-    room: Array
-
-    def add(self, rows: Array, time: Array) -> None:
-        """Add the wrench at some times (n,), s, to rows (n, 6)."""
-        self.make_calls(rows, time).finish()
-
-    def make_calls(self, rows: Array, time: Array) -> Calls:
-        """The same as calls; rows and times are contiguous."""
+    def make_calls(self, rows: Array, time: Array, profile: library.Profile) -> Calls:
+        """Calls that add all three sums, as a wheel's speed has them, to contiguous rows (n, 6) at times (n,), s."""
         given = WheelRows(
-            Progress(find_address(rows), time.size, _ROWS), pointer(self.shared), pointer(self.profile),
-            find_address(time), find_address(self.room),
+            Progress(find_address(rows), time.size, _ROWS), pointer(self._shared), pointer(profile),
+            find_address(time), find_address(self._room),
         )  # fmt: skip
-        return Calls([(self.turning.add_some_turns, given)] * -(-time.size // _ROWS), self, rows, time)
+        return Calls([(self._add_some, given)] * -(-time.size // _ROWS), self, rows, time)
 
 
 def wheel_plane(spin_axis: Array) -> tuple[Array, Array]:

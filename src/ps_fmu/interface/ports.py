@@ -8,10 +8,18 @@ from typing import Any, TypeVar
 
 from ..mechanism.quantities import ParameterError, Signal, list_entries
 from ..slavekit.author.guard import ModelError
-from ..slavekit.author.variables import Port, Type
+from ..slavekit.author.variables import Port, Type, vector
 
 F = TypeVar("F", bound=Callable[..., Any])
 
+#: Of a controller's forces in communication steps; 0.1 s at 1e-4 s.
+LONGEST_DELAY = 1000
+#: An orientation this close (rad) is the same: a plant at rest varies it by rounding.
+SAME_ORIENTATION = 1e-12
+ORIENTATION = vector(
+    "orientation", ("roll", "pitch", "yaw"), "rad", "Nominal orientation of P in B, for the gains",
+    causality="input", display_unit="deg", nominal=0.1,
+)  # fmt: skip
 _DISPLAY = {"rad": "deg"}
 _TYPES: dict[type, Type] = {bool: "Boolean", int: "Integer", str: "String"}
 
@@ -53,6 +61,25 @@ def make_output_ports(signals: Iterable[Signal]) -> tuple[Port, ...]:
         for signal in signals
         for name, component in zip(signal.names, signal.components, strict=True)
     )
+
+
+def make_control_ports(*, turn: str, resolution: float) -> tuple[Port, ...]:
+    """Parameters of a digital controller of the fine forces whose gains follow the orientation.
+
+    ``turn``, ``resolution`` (rad): description and start value of the turn that renews them.
+    """
+    return (
+        Port("force_limit", "parameter", "N", "Largest force of a fine actuator; 0 = no limit", min=0.0),
+        Port(
+            "delay", "parameter", "s", f"Pure delay of the forces, of at most {LONGEST_DELAY} steps",
+            min=0.0, display_unit="ms",
+        ),
+        Port(
+            "sample_time", "parameter", "s", "Period of a digital controller; 0 = every step",
+            min=0.0, display_unit="ms",
+        ),
+        Port("orientation_resolution", "parameter", "rad", turn, start=resolution, min=0.0, display_unit="deg"),
+    )  # fmt: skip
 
 
 def refuse_parameters(method: F) -> F:

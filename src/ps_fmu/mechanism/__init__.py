@@ -13,8 +13,8 @@ right form, which was checked against a nonlinear multibody model.  The files na
     (41), (42)       the estimate (42) ignores the resonances of the bus modes       theory/transfer_matrices
     (43), (44)       U12 Y in place of Y U21                                         theory/transfer_matrices
     (51)-(55)        (52) multiplies acceleration and (54) displacement              control/feedforward
-    (A11)            divide by the leg's length, coarse legs as well                 legs
-    (A17)-(A25)      a coarse leg is two parts, taken at its current length          legs
+    (A11)            divide by the leg's length, coarse legs as well                 dynamics
+    (A17)-(A25)      a coarse leg is two parts, taken at its current length          dynamics
     Algorithm 1      converges for mu < 2/lambda_max(J J^T), about 0.81              inverse_kinematics
 
 Parts of legs have no moment of inertia about the leg's axis.  So (A6), by which a leg turns about its axis with the

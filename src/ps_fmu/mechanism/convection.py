@@ -8,8 +8,8 @@ acceleration of B's origin is the inertial one, so that its velocity does not co
 
 It is found as a multibody program finds it: accelerations of all bodies while no speed changes (Newton and Euler),
 then the generalised forces that these accelerations need (d'Alembert's principle; J. Wittenburg, Dynamics of Multibody
-Systems, 2nd ed., Springer 2008).  A leg is two slender parts on one line, as in :mod:`.legs`; platform and payload are
-one body with all of the truss on it.
+Systems, 2nd ed., Springer 2008).  A leg is two slender parts on one line, as in :mod:`.dynamics`; platform and payload
+are one body with all of the truss on it.
 """
 
 from __future__ import annotations

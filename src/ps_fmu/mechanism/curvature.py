@@ -1,7 +1,7 @@
 """What a linear model leaves out along the way that is expected, as parabolas in time.
 
-A model about a centre is exact there.  At both ends of the expected way (:class:`.ways.Way`) the models about these two
-points are exact, too.  So the difference is known at three instants ``-T, 0, T`` from the centre, and the parabola
+A model about a centre is exact there.  At both ends of the expected way (:class:`.slews.Way`) the models about these
+two points are exact, too.  So the difference is known at three instants ``-T, 0, T`` from the centre, and the parabola
 through them is added to rates and outputs, with ``z`` on the way::
 
     x' = A x + B u + b1 t + b2 t**2        b1 T = (r(T) - r(-T)) / 2,    b2 T**2 = (r(T) + r(-T)) / 2
@@ -23,11 +23,10 @@ from numpy.typing import NDArray
 from .centre import Centre
 from .convection import COARSE
 from .linear_model import Matrices, PlantModel
-from .outputs import find_state
+from .matrices import find_state
 from .quantities import Array
 from .signals import N_OUTPUTS, TIME, count_states, servo_slices
-from .slews import find_attitude, find_centre
-from .ways import Way
+from .slews import Way, find_attitude, find_centre
 
 #: Positions and rates that are watched on the way.
 N_PATH = 12

@@ -132,16 +132,8 @@ def _make_identity(n: int) -> Array:
     return identity
 
 
-def step_map(A: Array, B: Array, C: Array, D: Array, h: float) -> Array:
-    """One step as one matrix: ``[y; x](t + h) = M @ [x; u](t)``, shape (p + n, n + m).
-
-    See :func:`make_held_step_map`.
-    """
-    return make_held_step_map(*zero_order_hold(A, B, h), C, D)
-
-
 def make_held_step_map(Ad: Array, Bd: Array, C: Array, D: Array) -> Array:
-    """As :func:`step_map`, from the exponential (Ad, Bd).
+    """One step as one matrix, ``[y; x](t + h) = M @ [x; u](t)``, shape (p + n, n + m), from the exponential (Ad, Bd).
 
     The output is that of the end of the step, with the input that was held during it:
     ``y = C x(t + h) + D u(t)``.

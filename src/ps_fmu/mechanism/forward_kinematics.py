@@ -12,8 +12,7 @@ from math import isfinite
 
 import numpy as np
 
-from .geometry import Geometry
-from .kinematics import KinematicsError, LegLines, find_leg_lines, leg_rows
+from .kinematics import Geometry, KinematicsError, LegLines, find_leg_lines, leg_rows
 from .quantities import Array
 from .rotations import roll_pitch_yaw, rotation_from_vector
 

@@ -1,4 +1,4 @@
-"""Legs, Jacobians and the division of labour of the 6-UPS manipulator: eqs (2)-(13) and (16) of the paper.
+"""Joints, legs and Jacobians of the 6-UPS manipulator: eqs (2)-(13) and (16) of the paper.
 
 Frame B is the manipulator base, P the payload platform.  A pose is the position of the origin of P in B
 (``translation_B``, the paper's t_Delta, m) and the matrix ``R`` that maps P to B (:mod:`.rotations`).  Rows
@@ -16,9 +16,53 @@ from functools import cached_property
 
 import numpy as np
 
-from .geometry import Geometry, point_rows
-from .quantities import Array
-from .rotations import cross, lengths
+from .quantities import Array, freeze
+from .rotations import cross, lengths, skew
+
+_EYE = np.eye(3)
+
+
+@dataclass(frozen=True, eq=False)
+class Geometry:
+    """Joints and nominal pose, as the kinematics needs them; rows are coarse legs 1..3, then fine legs 1..3 (eq 4)."""
+
+    base_joints_B: Array
+    platform_joints_P: Array
+    nominal_translation_B: Array
+    coarse_stroke: Array
+
+    @cached_property
+    def nominal_lengths(self) -> Array:
+        """Joint-to-joint lengths at the nominal pose (zero roll, pitch and yaw), shape (6,), m."""
+        legs_B = self.nominal_translation_B + self.platform_joints_P - self.base_joints_B
+        return freeze(np.linalg.norm(legs_B, axis=1), (6,), "nominal_lengths")
+
+    @cached_property
+    def platform_radius(self) -> float:
+        """Root-mean-square distance of the platform joints from the origin of P, m."""
+        return float(np.sqrt(np.mean(np.sum(self.platform_joints_P**2, axis=1))))
+
+    @cached_property
+    def twist_scale(self) -> Array:
+        """(6,) what makes a twist of the platform one of lengths: 1, and the :attr:`platform_radius`, m."""
+        return np.repeat([1.0, self.platform_radius], 3)
+
+    @cached_property
+    def base_points(self) -> Array:
+        """(18, 6): velocities of the base joints, one below the other, from the twist of B; eq (A5)."""
+        return point_rows(self.base_joints_B)
+
+
+def point_rows(arms: Array) -> Array:
+    """Velocities of points at ``arms``, one below the other, from the twist of their body, eq (A5).
+
+    (..., n, 3) to (..., 3 n, 6).  The transpose maps forces on the points to force and torque about the body's origin.
+    """
+    rows = np.zeros((*arms.shape, 6))
+    rows[..., :3] = _EYE
+    rows[..., 3:] = -skew(arms)
+    return rows.reshape(*arms.shape[:-2], -1, 6)
+
 
 # Condition number of the length-scaled J_lp beyond which a pose counts as singular.  It is 4.2 to 4.7 in
 # the whole workspace of the identified geometry; at 1e6 a leg error of 1 um can move the platform joints by
@@ -47,7 +91,7 @@ class LegLines:
 
     @cached_property
     def platform_points(self) -> Array:
-        """(..., 18, 6): velocities of the platform joints from the twist of P, :func:`.geometry.point_rows`."""
+        """(..., 18, 6): velocities of the platform joints from the twist of P, :func:`.kinematics.point_rows`."""
         return point_rows(self.arms_B)
 
     @property
@@ -98,16 +142,6 @@ class Jacobians:
         return self.J_pl[..., :, 3:]
 
     @property
-    def J_tc(self) -> Array:
-        """(..., 3, 3): coarse displacement to platform translation."""
-        return self.J_pl[..., :3, :3]
-
-    @property
-    def J_tf(self) -> Array:
-        """(..., 3, 3): fine displacement to platform translation."""
-        return self.J_pl[..., :3, 3:]
-
-    @property
     def J_theta_c(self) -> Array:
         """(..., 3, 3), rad/m: coarse displacement to platform rotation."""
         return self.J_pl[..., 3:, :3]
@@ -116,11 +150,6 @@ class Jacobians:
     def J_theta_f(self) -> Array:
         """(..., 3, 3), rad/m, eq (13): fine displacement to platform rotation."""
         return self.J_pl[..., 3:, 3:]
-
-    @property
-    def J_tb(self) -> Array:
-        """(..., 3, 6): base motion to platform translation."""
-        return self.J_pb[..., :3, :]
 
     @property
     def J_theta_b(self) -> Array:
@@ -162,11 +191,6 @@ def platform_jacobian(geometry: Geometry, translation_B: Array, R: Array) -> Arr
     """J_lp, eq (6): rows ``[n_i, (R r_pi) x n_i]``; (..., 6, 6), in axes of B."""
     legs = find_leg_lines(geometry, translation_B, R)
     return leg_rows(legs.arms_B, legs.n_B)
-
-
-def base_jacobian(geometry: Geometry, translation_B: Array, R: Array) -> Array:
-    """J_lb, eq (7): rows ``[n_i, r_bi x n_i]``; (..., 6, 6), in axes of B."""
-    return leg_rows(geometry.base_joints_B, find_leg_lines(geometry, translation_B, R).n_B)
 
 
 def jacobians(geometry: Geometry, translation_B: Array, R: Array, legs: LegLines | None = None) -> Jacobians:
@@ -221,34 +245,11 @@ def condition_number(geometry: Geometry, J_lp: Array) -> Array:
     return np.asarray(np.linalg.cond(scaled))
 
 
-@dataclass(frozen=True)
-class DivisionOfLabour:
-    """Whether fine and coarse actuators can each turn the platform alone, section 2.2, in numbers."""
-
-    holds: bool
-    reasons: tuple[str, ...]
-    """What is violated; empty when it holds."""
-    determinant: float
-    """``|J_lp|``, m^3."""
-    schur_determinant: float
-    """``|N_c| |M_pf - N_f N_c^-1 M_pc|``, m^3: the right-hand side of eq (12); nan when N_c is singular."""
-    condition: float
-    """Condition number of J_lp (:func:`condition_number`)."""
-    coarse_directions: float
-    """Condition number of N_c: are the coarse legs linearly independent directions?"""
-    fine_directions: float
-    """Condition number of N_f, likewise."""
-    J_theta_c: float
-    """Condition number of J_theta_c: can the coarse actuators turn the platform about any axis? (inf: no)"""
-    J_theta_f: float
-    """Condition number of J_theta_f, likewise for the fine actuators (eq 13)."""
-
-
-def division_of_labour(geometry: Geometry, translation_B: Array, R: Array) -> DivisionOfLabour:
-    """Test the conditions of section 2.2 at one pose: N_c, N_f and J_lp nonsingular.
+def list_singularities(geometry: Geometry, translation_B: Array, R: Array) -> list[str]:
+    """Which conditions of section 2.2 a pose violates, in words: N_c, N_f and J_lp nonsingular.
 
     By (12) and (13) they hold exactly when fine and coarse actuators can each control the rotation alone;
-    the other three then act as fixed struts.  Nothing is raised at a singular pose: the numbers tell.
+    the other three then act as fixed struts.
 
     Parameters
     ----------
@@ -256,32 +257,16 @@ def division_of_labour(geometry: Geometry, translation_B: Array, R: Array) -> Di
     R: (3, 3).
     """
     J_lp = platform_jacobian(geometry, translation_B, R)
-    N_c, M_pc, N_f, M_pf = J_lp[:3, :3], J_lp[:3, 3:], J_lp[3:, :3], J_lp[3:, 3:]
     conditions = {
-        "N_c (directions of the coarse legs)": float(np.linalg.cond(N_c)),
-        "N_f (directions of the fine legs)": float(np.linalg.cond(N_f)),
+        "N_c (directions of the coarse legs)": float(np.linalg.cond(J_lp[:3, :3])),
+        "N_f (directions of the fine legs)": float(np.linalg.cond(J_lp[3:, :3])),
         "J_lp (the six legs)": float(condition_number(geometry, J_lp)),
     }
-    coarse, fine, legs = conditions.values()
-    reasons = tuple(
+    return [
         f"{name} is singular: condition number {value:.2e}, at most {LARGEST_CONDITION:.0e} is usable"
         for name, value in conditions.items()
         if not value <= LARGEST_CONDITION
-    )
-    # J_theta_f is the inverse of this Schur complement (13) and has its condition number.
-    S_f = M_pf - N_f @ np.linalg.solve(N_c, M_pc) if coarse <= LARGEST_CONDITION else None
-    S_c = M_pc - N_c @ np.linalg.solve(N_f, M_pf) if fine <= LARGEST_CONDITION else None
-    return DivisionOfLabour(
-        holds=not reasons,
-        reasons=reasons,
-        determinant=float(np.linalg.det(J_lp)),
-        schur_determinant=float(np.linalg.det(N_c) * np.linalg.det(S_f)) if S_f is not None else float("nan"),
-        condition=legs,
-        coarse_directions=coarse,
-        fine_directions=fine,
-        J_theta_c=float(np.linalg.cond(S_c)) if S_c is not None else float("inf"),
-        J_theta_f=float(np.linalg.cond(S_f)) if S_f is not None else float("inf"),
-    )
+    ]
 
 
 def leg_rows(joints_B: Array, n_B: Array) -> Array:

@@ -36,12 +36,10 @@ from .discretisation import find_scale, make_held_step_map, zero_order_hold
 from .dynamics import Dynamics, FlexibleSystem, Pose
 from .forward_kinematics import forward_kinematics
 from .kinematics import Jacobians, KinematicsError, jacobians
-from .outputs import Nominal, Orientation, make_output_matrices
+from .matrices import Nominal, Orientation, make_output_matrices, make_rate_matrices, turn_base
 from .parameters import Bus, CoarseServo, Manipulator, Optics, Parameters, Payload
 from .quantities import Array, ParameterError, group
-from .quaternions import IDENTITY
-from .rates import make_rate_matrices, turn_base
-from .rotations import GimbalLockError, rotation_from_vector
+from .rotations import IDENTITY, GimbalLockError, rotation_from_vector
 from .signals import ADDED, N_INPUTS, TIME, count_states, servo_slices
 
 _ONE = slice(N_INPUTS - 1, N_INPUTS)

@@ -2,6 +2,11 @@
 
 Between two centres the momentum of a linear model is right to second order only.  So at each new centre the true one is
 carried on by the impulse of the outer forces, and the velocities of the base are set so that the bodies have it.
+
+**Reaction of a free base to a slew** (:func:`find_reaction`), without a simulation.  The system starts at rest and no
+outer force acts, so total momentum stays zero.  At each pose this gives the twist of the base for unit rates of the
+coarse legs; the turn of the base is its integral along the path, and knows nothing of vibration.  This is the reaction
+of a free-floating manipulator: Y. Umetani, K. Yoshida, IEEE Trans. Robot. Autom. 5(3), 1989.
 """
 
 from __future__ import annotations
@@ -11,10 +16,19 @@ import numpy as np
 from .convection import COARSE, FINE, N_SPEEDS, TURN
 from .dynamics import FlexibleSystem, Pose
 from .forward_kinematics import forward_kinematics
+from .inverse_kinematics import inverse_kinematics
 from .kinematics import Jacobians, jacobians
 from .linear_model import Place, PlantModel
 from .quantities import Array
-from .rotations import cross, rotation_from_vector, skew, turn_vector
+from .rotations import (
+    angular_velocity_map,
+    cross,
+    rotation_from_vector,
+    rotation_matrix,
+    rotation_vector,
+    skew,
+    turn_vector,
+)
 from .signals import count_states, servo_slices
 
 #: Longer models than this, s, meet vibration whose rates at the ends say nothing of those between.
@@ -237,3 +251,53 @@ def _integrate_cross(ends: tuple[Array, ...], f_sum: Array, J: Array, J_sum: Arr
         )
         crossed.append(lasted * (first + second + third))
     return np.array(crossed)
+
+
+#: Parts of the path, each with Gauss's two points.  Against 64 parts they leave 1e-8 of the reaction to 8.5 deg of
+#: roll, and 4e-8 of that to (3, -4, 8) deg.
+_PARTS = 8
+_GAUSS = 0.5 - np.sqrt(3.0) / 6.0, 0.5 + np.sqrt(3.0) / 6.0
+_UNITS = np.eye(3 + N_SPEEDS)
+
+
+def find_reaction(system: FlexibleSystem, target: Array, *, held: bool) -> Array:
+    """Rotation of the base by a slew from roll, pitch, yaw of zero to ``target`` (3,), rad.
+
+    The angles go there along a straight line, as the commander's profile from rest does; how fast makes no difference.
+
+    Parameters
+    ----------
+    held: False: the fine legs are at rest before and after, and the payload turns with the base.  True: the fine legs
+        take up the rotation of the base, so that the payload has its nominal orientation in inertial space.  Momentum
+        is then that of the nominal pose, without the elongation of the fine legs (1e-4 of their length).
+
+    Returns
+    -------
+    (3,) rotation vector, rad, axes of B.
+
+    Raises
+    ------
+    KinematicsError: the path has a pose that no Jacobian exists for.
+    """
+    target = np.asarray(target, dtype=float)
+    turned = np.eye(3)
+    for part in range(_PARTS):
+        rates = [_find_turn(system, (part + node) / _PARTS * target, target, held) for node in _GAUSS]
+        turned = turned @ rotation_from_vector(0.5 * (rates[0] + rates[1]) / _PARTS)
+    return rotation_vector(turned)
+
+
+def _find_turn(system: FlexibleSystem, orientation: Array, rate: Array, held: bool) -> Array:
+    """(3,) angular velocity of the base, rad/s, axes of B, for ``rate`` (3,), rad/s, of roll, pitch and yaw."""
+    geometry, R = system.manipulator.geometry, rotation_matrix(orientation)
+    pose = Pose(inverse_kinematics(geometry, orientation).translation_B, R)
+    J = jacobians(geometry, pose.translation_B, R)
+    columns = [find_momentum(system, pose, unit[:3], unit[3:], J)[0] for unit in _UNITS]
+    by_speeds = np.column_stack(columns[3:])
+    of_base = np.column_stack([*columns[:3], by_speeds[:, TURN]])
+    relative = by_speeds[:, COARSE] @ np.linalg.solve(J.J_theta_c, angular_velocity_map(orientation) @ rate)
+    if not held:
+        return np.asarray(np.linalg.solve(of_base, -relative)[3:])
+    # Also for the rates of the fine legs: what they turn the platform is the opposite of what the base turns.
+    both = np.block([[of_base, by_speeds[:, FINE]], [np.zeros((3, 3)), np.eye(3), J.J_theta_f]])
+    return np.asarray(np.linalg.solve(both, np.append(-relative, np.zeros(3)))[3:6])

@@ -22,8 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from .geometry import Geometry
-from .kinematics import LARGEST_CONDITION, condition_number, platform_jacobian
+from .kinematics import LARGEST_CONDITION, Geometry, condition_number, platform_jacobian
 from .modes import BusMode, TrussMode, check_modal_mass
 from .quantities import Array, Checked, ParameterError, check_inertia, freeze, quantity
 

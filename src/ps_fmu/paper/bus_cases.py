@@ -45,7 +45,7 @@ def case_start_values(case: str) -> dict[str, Value]:
     The whole bus and the damping of the fine legs, also where they are those of paper.toml: a case is that of the
     paper, whatever bus and damping the user's parameter files set.
     """
-    from ..interface.parameter_sets import start_values
+    from ..interface.start_values import start_values
 
     return {
         name: value

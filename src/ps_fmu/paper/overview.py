@@ -7,20 +7,19 @@ from dataclasses import asdict, replace
 
 from tqdm import tqdm
 
-from ..analyses.finding import Finding
 from ..analyses.jobs import Job, run_jobs
-from ..analyses.result import AnalysisResult
+from ..analyses.result import AnalysisResult, Finding
 from ..analyses.table import ANALYSES, AnalysisOptions
 from ..control.commander import DEFAULT_ALGORITHM_1
 from ..cosim.ssp.parameters import read_parameters
 from ..mechanism.parameters import load
-from ..mechanism.workspace import STEP
 from ..runs.built_fmus import provide_fmus
 from ..theory.loop import loop_at
 from . import errata
 from .errata import Erratum, errata_table
 from .figures.table2.closed_form import ORIENTATIONS, knowledge_text
 from .published import ANGLES, make_finding, published_numbers
+from .workspace import STEP
 
 FIGURES = {"workspace": 4.0, "trajectories": 34.0, "transmissibility": 95.0, "stability": 24.0, "jitter": 28.0}
 """The analyses that are put together, and the seconds of one processor that each takes."""

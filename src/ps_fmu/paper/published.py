@@ -11,7 +11,7 @@ import json
 from functools import cache
 from importlib.resources import files
 
-from ..analyses.finding import Finding, PublishedNumber
+from ..analyses.result import Finding, PublishedNumber
 
 ANGLES = ("roll", "pitch", "yaw")  # as the keys of Table 1 and the orientations name them
 

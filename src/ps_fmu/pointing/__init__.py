@@ -13,7 +13,7 @@ from .confidence import (
     samples_needed,
     windows_rms,
 )
-from .index import PointingIndex
+from .index import Estimate, PointingIndex
 from .indices import (
     AbsoluteError,
     DriftError,
@@ -25,7 +25,6 @@ from .indices import (
 )
 from .interpretation import Interpretation, quantile_of_runs
 from .library.linear_process import LinearProcess
-from .records import Estimate
 
 __all__ = [
     "AbsoluteError",

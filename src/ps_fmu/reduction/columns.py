@@ -1,19 +1,61 @@
-"""Rows as numbers, columns out of them, and the largest magnitude in them; who may read and write them in files."""
+"""Rows as numbers, columns out of them, and the largest magnitude in them; who may read and write them in files.
+
+The other files of this room take its compiled library from here, too.
+"""
 
 from __future__ import annotations
 
 import threading
 from collections.abc import Sequence
+from ctypes import CDLL, addressof, c_char, c_double, c_int64, c_void_p
+from functools import cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .library import find_library, get_address
+from ..native import load
 
 Array = NDArray[np.float64]
 
 NETCDF_LOCK = threading.RLock()
 """Held in each call of netCDF4.  It lets other threads run meanwhile, and its libraries crash if one calls them."""
+
+_TYPES = {"p": c_void_p, "n": c_int64, "x": c_double}
+_FUNCTIONS = {
+    "filter_rows": (None, "ppnp"),
+    "thin_rows": (c_int64, "ppnp"),
+    "copy_columns": (None, "pnnpnpn"),
+    "complete_rows": (c_double, "pnnn"),
+    "find_peak": (c_double, "pn"),
+    "find_moments": (None, "pnnnp"),
+    "widen_bins": (None, "pnnpp"),
+    "add_values": (None, "pnxppp"),
+    "weigh_hann": (None, "pnp"),
+    "find_points_outside": (c_int64, "ppnpnp"),
+}
+"""What each function returns and takes: p an address, n a whole number, x a double."""
+
+
+@cache
+def find_library() -> CDLL:
+    """The library.  Raises NotCompiledError."""
+    library = load("reduction")
+    for name, (result, taken) in _FUNCTIONS.items():
+        function = getattr(library, name)
+        function.argtypes, function.restype = [_TYPES[kind] for kind in taken], result
+    return library
+
+
+def get_address(array: NDArray[Any]) -> int:
+    """Where the numbers of an array begin; of two dimensions the second is contiguous.
+
+    In an eighth of the time that ``array.ctypes`` takes, which adds up over blocks.
+    """
+    try:
+        return addressof(c_char.from_buffer((array if array.ndim == 1 else array[0]).data))
+    except (TypeError, ValueError, IndexError):  # read-only, or empty
+        return int(array.ctypes.data)
 
 
 class ColumnCopy:

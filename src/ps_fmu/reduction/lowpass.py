@@ -7,7 +7,7 @@ from ctypes import Structure, addressof, c_int64, c_void_p
 import numpy as np
 from numpy.typing import NDArray
 
-from .library import find_library, get_address
+from .columns import find_library, get_address
 
 Array = NDArray[np.float64]
 

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..pointing.confidence import effective_share, find_rank, least_samples
-from ..reduction.histogram import LogarithmicBins, Totals
+from ..reduction.moments import LogarithmicBins, Totals
 from ..results.observers.kept import State, check_array
 
 Array = NDArray[np.float64]

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -32,11 +33,18 @@ OF_THE_FILE = ("history", "comment")
 _MEMBER = re.compile(r"(?P<vector>.+)(?:\.(?P<name>[a-z]+)|_(?P<number>\d+))")
 
 
-def list_cases(path: Path) -> list[str]:
-    """Names of the runs in a results.nc, in their order.  Raises OSError if it cannot be read."""
+@contextmanager
+def open_results(path: Path) -> Iterator[Any]:
+    """A results.nc to read, with the libraries of netCDF to oneself.  Raises OSError if it cannot be read."""
     import netCDF4
 
     with NETCDF_LOCK, netCDF4.Dataset(path) as file:
+        yield file
+
+
+def list_cases(path: Path) -> list[str]:
+    """Names of the runs in a results.nc, in their order.  Raises OSError if it cannot be read."""
+    with open_results(path) as file:
         return _list_runs(file)
 
 
@@ -53,9 +61,7 @@ def read_case(path: Path, case: str) -> Dataset:
     OSError: the file cannot be read.
     KeyError: it has no such run.
     """
-    import netCDF4
-
-    with NETCDF_LOCK, netCDF4.Dataset(path) as file:
+    with open_results(path) as file:
         if case not in (known := _list_runs(file)):
             raise KeyError(f"{path}: no run {case!r}; there are {', '.join(known) or 'none'}")
         group = file[case]

@@ -27,6 +27,8 @@ Array = NDArray[np.float64]
 
 MOST_SPANS = 1500
 """Of a curve over the width of a chart; where it has more values it is drawn as the extremes of each span."""
+_DECADES = 30.0  # from the first value of a logarithmic axis to the last: powers of ten are ticks enough
+_TICKS, _HEADING = 1.2, 0.45  # inches left of and above a chart
 _DRAWN: Mapping[str, dict[str, Any]] = {
     "line": {"lw": 1.2}, "dashed": {"lw": 1.2, "ls": "--"}, "dotted": {"lw": 1.2, "ls": ":"},
     "steps": {"lw": 1.2, "drawstyle": "steps-post"}, "dots": {"ls": "", "marker": ".", "ms": 4.0},
@@ -74,13 +76,30 @@ def draw_charts(path: Path, group: ChartGroup, still: Still | None = None) -> No
 
 
 def paint_charts(figure: Figure, group: ChartGroup, columns: int = 1) -> None:
-    """Paint charts in so many columns, with one legend where all have the same curves, else one beside each."""
-    grid = figure.subplots(-(-len(group.charts) // columns), columns, sharex=True, squeeze=False)
+    """Paint charts in so many columns, with one legend where all have the same curves, else one beside each.
+
+    Margins are set by hand, in inches: to find them by the sizes of all texts takes as long as all the drawing.
+    """
+    figure.set_layout_engine("none")
+    marked = [*(spans.label for spans in group.shaded if spans.spans), *(text for text, _ in group.marked)]
+    names = [list(dict.fromkeys([*(curve.label for curve in chart.curves), *marked])) for chart in group.charts]
+    longest = max(len(name) for each in names for name in each)
+    common = columns > 1 or all(each == names[0] for each in names)
+    width, height = figure.get_size_inches()
+    rows = -(-len(group.charts) // columns)
+    beside = max(1, min(6, int(8.5 * width) // (7 + longest)))  # entries of the common legend
+    foot = 0.75 + (0.3 * -(-len({name for each in names for name in each}) // beside) if common else 0.0)
+    right = 0.25 if common else 0.6 + 0.085 * longest
+    place = {
+        "left": _TICKS / width, "right": 1.0 - right / width, "bottom": foot / height, "top": 1.0 - 0.75 / height,
+        "wspace": _TICKS * columns / (width - right - _TICKS * columns),
+        "hspace": _HEADING * rows / (height - foot - 0.75 - _HEADING * (rows - 1)),
+    }  # fmt: skip
+    grid = figure.subplots(rows, columns, sharex=True, squeeze=False, gridspec_kw=place)
     legends = [_paint_chart(axes, chart, group) for axes, chart in zip(grid.flat, group.charts, strict=True)]
-    if columns > 1 or all(legend.keys() == legends[0].keys() for legend in legends):
+    if common:
         legend = {text: handle for legend in legends for text, handle in legend.items()}
-        fit = int(8.5 * figure.get_figwidth()) // (7 + max(map(len, legend)))  # entries beside one another
-        shown = figure.legend(legend.values(), legend.keys(), loc="outside lower center", ncols=max(1, min(6, fit)))
+        shown = figure.legend(legend.values(), legend.keys(), loc="lower center", ncols=beside)
         for line in shown.get_lines():
             line.set_linewidth(3.0)
     else:
@@ -88,7 +107,7 @@ def paint_charts(figure: Figure, group: ChartGroup, columns: int = 1) -> None:
             axes.legend(legend.values(), legend.keys(), loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=9.0)
     for axes in grid[-1]:
         axes.set_xlabel(f"{group.axis.label} ({pretty(group.axis.unit)})")
-    figure.suptitle(group.title, wrap=True)
+    figure.suptitle(group.title, wrap=True, y=1.0 - 0.12 / height)
 
 
 def draw_clouds(path: Path, group: CloudGroup) -> None:
@@ -149,6 +168,10 @@ def _paint_chart(axes: Axes, chart: Chart, group: ChartGroup) -> dict[str, Artis
     if chart.logarithmic and most > 0.0:
         axes.set_yscale("log")
     axes.margins(x=0.0)
+    axes.tick_params(labelsize=11.0)
+    for ruler, (first, last) in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
+        if ruler.get_scale() == "log" and last > _DECADES * first:
+            ruler.minorticks_off()  # they take a third of the time, and say little there
     axes.set_title(chart.title.replace("$", r"\$"), loc="left", fontsize=11.5)
     axes.set_ylabel(unit)
     return legend

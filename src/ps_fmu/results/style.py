@@ -128,7 +128,7 @@ def engineering(unit: str, magnitude: float) -> tuple[float, str]:
 
     Units with a prefix of their own or with a power keep their own scale.
     """
-    if unit not in {"m", "rad", "N", "N.m", "m/s", "rad/s", "m/s2", "rad/s2"} or not magnitude > 0.0:
+    if unit not in {"m", "rad", "deg", "N", "N.m", "m/s", "rad/s", "m/s2", "rad/s2"} or not magnitude > 0.0:
         return 1.0, pretty(unit)
     exponent = min(max(3 * math.floor(math.log10(magnitude) / 3.0), -12), 6)
     return 10.0**-exponent, _PREFIXES[exponent] + pretty(unit)
@@ -156,8 +156,3 @@ def largest(values: Iterable[Array]) -> float:
         if finite.size:
             found = max(found, float(finite.max()))
     return found
-
-
-def label(axes: Axes, text: str, unit: str) -> None:
-    """Label the y axis with a quantity and its unit."""
-    axes.set_ylabel(f"{text} ({unit})" if unit else text)

@@ -1,12 +1,14 @@
-"""Run the system once: a case of a scenario, stored in a group of results.nc, with a progress bar."""
+"""Run the system once: a case, stored in a group of results.nc, with a progress bar."""
 
 from __future__ import annotations
 
+import re
 import sys
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from functools import partial
+from itertools import groupby
+from time import perf_counter
 from typing import Protocol, TypeVar
 
 import numpy as np
@@ -14,16 +16,18 @@ from numpy.typing import NDArray
 
 from ..cosim import Column, CosimError, Event, Master, Observer, Recorder, Value
 from ..cosim.description import read_terminal_variables
+from ..cosim.errors import SlaveEnded
 from ..cosim.faults.binding import ActedFault
 from ..cosim.recording.thinner import MemoryRecorder
-from .fault_report import find_spans
+from ..cosim.structure import parse_port
+from ..interface.agreement import APART, Difference, find_differences
 from .index_record import SIGNALS
-from .keeping import CaseKeeper, leave_no_empty_file
-from .mismatch import list_mismatches
+from .keeping import CaseKeeper, SinceStart, leave_no_empty_file
 from .options import RESULTS, RunOptions
 from .origin import format_settings, write_origin
-from .setup import RunSystem, select_stored
-from .stored_names import make_stored_names, rename_columns
+from .runner import Runner
+from .setup import NOISE, RunSystem, select_stored
+from .stored_rows import make_stored_names, rename_columns
 
 Array = NDArray[np.float64]
 
@@ -61,6 +65,8 @@ class Outcome:
     faults: tuple[ActedFault, ...] = ()
     begin_s: float = 0.0
     """Time of the simulation at which it began: not zero in the state of a checkpoint."""
+    ended: SlaveEnded | None = None
+    """The FMU that has ended the simulation, if one has."""
 
     def find_spans(self) -> list[tuple[float, float]]:
         """When any of the faults acted [s since the start of the case]."""
@@ -151,21 +157,21 @@ def run_case(
 
     structure = system.structure.with_parameters(case.values)
     costs = system.costs.begin(case.name) if options.profile else None
-    make = partial(
-        Master, step=options.step_s, scheme=options.scheme, descriptions=system.descriptions,
+    runner = Runner(structure) if system.runner is None else system.runner
+    opened = runner.open(
+        structure, step=options.step_s, scheme=system.scheme, descriptions=system.descriptions,
         stopwatch=None if costs is None else costs.stopwatch, isolation=options.isolation, faults=system.faults,
-        start_time=keeper.start_time, inputs=system.inputs,
+        start_time=keeper.start_time, inputs=system.inputs, also=system.also,
     )  # fmt: skip
     with (
         leave_no_empty_file(options.output / RESULTS),
         system.warnings.collect(),
-        make(structure) if system.loaded is None else system.loaded.open(structure, make) as master,
+        opened as master,
     ):
         start_s = master.time
-        texts = (
-            *_list_overruled(system, case), *_list_connected(system, master), *_list_open(system, master, case),
-            *list_mismatches(system, case.values, options.apart), *master.faults.remarks,
-        )  # fmt: skip
+        texts = [*_list_overruled(system, case), *_list_connected(system, master), *master.faults.remarks]
+        if not options.is_plain:
+            texts += [*_list_open(system, master, case), *list_mismatches(system, case.values, options.apart)]
         master.faults.check_end(duration)
         for text in texts:
             system.warnings.add(text)
@@ -183,13 +189,18 @@ def run_case(
             show_progress(case.name, duration, options.progress) as show,
             _make_recorder(system, master, options, case, duration, keeper.attributes) as recorder,
         ):
-            judging = [keeper.shift_observer(observer, options.step_s) for observer in (*analysis.observers, *own)]
-            observers: list[Observer] = [Bounds(master.columns), recorder, *judging]
+            watching = (*analysis.observers, *own)
+            judging = [SinceStart(one, options.step_s) for one in watching] if start_s else watching
+            bounds = () if options.is_plain else (Bounds(master.columns),)  # of other systems any number may be right
+            observers: list[Observer] = [*bounds, recorder, *judging]
             watched = observers if costs is None else costs.time(observers)
-            events = keeper.shift_events(case.events)
+            events = [(start_s + time, name, value) for time, name, value in case.events]
+            began = perf_counter()
             master.run(duration, watched, events, note, checkpoints=keeper.checkpoints)
-        acted = master.faults.list_acted(master.time)
-        return Outcome(case, duration, before_s + wall[0], acted, keeper.start_time or 0.0), analysis
+            spent_s = before_s + (wall[0] or perf_counter() - began)
+        acted, ended = master.faults.list_acted(master.time), master.ended
+        simulated_s = duration if ended is None or ended.time is None else ended.time - start_s
+        return Outcome(case, simulated_s, spent_s, acted, start_s, ended), analysis
 
 
 def _list_needed(
@@ -204,14 +215,14 @@ def _make_recorder(
     system: RunSystem, master: Master, options: RunOptions, case: Case, duration_s: float, more: Mapping[str, float]
 ) -> Recorder | MemoryRecorder:
     attributes: dict[str, str | float] = {
-        "scenario": options.scenario.name, "scheme": str(options.scheme), "step_s": options.step_s,
+        "scenario": options.scenario.name, "scheme": str(master.scheme), "step_s": options.step_s,
         "duration_s": duration_s, "settings": format_settings(case.values, case.events), **more,
     }  # fmt: skip
     if planned := master.faults.list_acted(master.time + duration_s):
         attributes["faults"] = "; ".join(fault.text for fault in planned)
     if case.lead_s:
         attributes["lead_in_s"] = case.lead_s
-    names = make_stored_names([column.name for column in master.columns])
+    names = make_stored_names([column.name for column in system.columns])
     columns, storage_step = rename_columns(master.columns, names), options.storage_stride * master.step
     select = [names[name] for name in select_stored(master.columns, options.observe)]
     if system.kept is not None:
@@ -258,7 +269,7 @@ def _list_connected(system: RunSystem, master: Master) -> Iterator[str]:
     sources = {str(connection.target): connection.source for connection in master.wiring.connections}
     for name, entry in system.given.items():
         if name in sources:
-            yield f"{name} ({entry.origin}) is not used: it is connected to {sources[name]}"
+            yield f"{name} ({entry.origin}) holds until the first exchange alone: it is connected to {sources[name]}"
 
 
 @contextmanager
@@ -283,3 +294,62 @@ def show_progress(name: str, duration_s: float, shown: bool) -> Iterator[Progres
             bar.update(simulated - bar.n)
 
         yield advance
+
+
+def find_spans(faults: Iterable[ActedFault], end_s: float, *, begin_s: float = 0.0) -> list[tuple[float, float]]:
+    """When any of the faults acted, to the end of the run at the latest [s]; spans that touch are one.
+
+    Faults have times of the simulation; the spans, and ``end_s``, count from its time ``begin_s``.
+    """
+    spans: list[tuple[float, float]] = []
+    for first, last in sorted(
+        (f.from_s - begin_s, end_s if f.until_s is None else min(f.until_s - begin_s, end_s)) for f in faults
+    ):
+        if spans and first <= spans[-1][1]:
+            spans[-1] = spans[-1][0], max(last, spans[-1][1])
+        else:
+            spans.append((first, last))
+    return spans
+
+
+MOST_SHOWN = 6  # quantities with their values, those that differ most; the others by name
+
+
+def list_mismatches(system: RunSystem, values: Mapping[str, Value], apart: Iterable[str] = ()) -> Iterator[str]:
+    """A text for each component that knows the plant otherwise than it is: the quantities, both values, what to do.
+
+    The disturbance source is passed over where its noise is off: only that acts at the centre of mass of the bus.
+
+    Parameters
+    ----------
+    values: what a case sets, by ``component.variable``.
+    apart: beginnings of names that differ on purpose.  Parameters with the annotation :data:`.agreement.APART` do, too.
+    """
+    prefixes = tuple(apart)
+
+    def get_value(name: str) -> Value:
+        return values[name] if name in values else system.get_start(name)
+
+    def is_meant(name: str) -> bool:
+        port = system.structure.find_port(name)
+        entry = system.structure.component(port.component).parameters.get(port.variable)
+        noted = entry is not None and APART in entry.notes and name not in values
+        return noted or any(name == prefix or name.startswith((f"{prefix}.", f"{prefix}_")) for prefix in prefixes)
+
+    found = find_differences(system.descriptions, get_value, is_meant)
+    for component, differences in groupby(found, key=lambda difference: difference.component):
+        if component != parse_port(NOISE).component or get_value(NOISE):
+            yield _describe(component, list(differences))
+
+
+def _describe(component: str, differences: list[Difference]) -> str:
+    largest_first = sorted(differences, key=lambda difference: -difference.relative)
+    shown, rest = largest_first[:MOST_SHOWN], largest_first[MOST_SHOWN:]
+    named = "; ".join(str(difference) for difference in shown)
+    others = dict.fromkeys(re.sub(r"_\d+", "_i", difference.quantity) for difference in rest)
+    more = f"; and {len(rest)} more: {', '.join(others)}" if rest else ""
+    meant = component if len(differences) > 1 else f"{component}.{differences[0].quantity}"
+    return (
+        f"{component} describes another mechanism than the plant. {named}{more}. Set both alike in a parameter file "
+        f"(ps-fmu parameters writes the values of all FMUs from one file); if it is meant, say --apart {meant}"
+    )

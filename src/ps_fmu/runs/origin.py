@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import fields
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -15,13 +16,14 @@ from typing import Any
 import numpy as np
 
 from ..cosim.description import convert_value, get_unit, index_variables, read_start
+from ..cosim.isolation.instance import CALL_TIMEOUT_S, STEP_TIMEOUT_S, Isolation
 from ..cosim.recording.recorder import CONVENTIONS
-from ..cosim.schemes.scheme import Scheme, make_scheme
-from ..cosim.structure import Component, Value, parse_port
+from ..cosim.schemes.scheme import Iteration, Scheme, make_scheme
+from ..cosim.structure import Component, Value
 from ..reduction.columns import NETCDF_LOCK
 from ..results.summary import FmuFile, versions
-from .options import SOURCE, RunOptions
-from .setup import SEED, RunSystem, identify_fmus
+from .options import NOT_KEPT, SOURCE, RunOptions, name_option
+from .setup import SEED, RunSystem, has_disturbance, identify_fmus
 
 PARAMETERS = "parameters"
 """Name of the group of start values."""
@@ -40,6 +42,8 @@ COMMENT = (
     "itself. The group parameters is a table of the start values. The date of time is nominal: its values are seconds "
     "of simulation, which a run from a checkpoint counts on (attribute warm_start_s)."
 )
+_NO_COMMAND = (*NOT_KEPT, "system", "values", "fmus", "figures", "profile", "checkpoint_s")
+"""Fields that the command of :func:`format_command` has not: those that change no number, and those it has first."""
 
 
 def write_origin(path: Path, options: RunOptions, system: RunSystem) -> None:
@@ -82,8 +86,7 @@ def _write(file: Any, options: RunOptions, system: RunSystem) -> None:
 
 def list_attributes(options: RunOptions, system: RunSystem) -> dict[str, object]:
     """The attributes of the file; a system without a disturbance source has no seed."""
-    component, seed = parse_port(SEED)
-    has_seed = component in system.descriptions and seed in index_variables(system.descriptions[component])
+    has_seed = has_disturbance(system.descriptions)
     return {
         "Conventions": CONVENTIONS,
         "title": f"{options.scenario.name}: {options.scenario.about}",
@@ -97,7 +100,7 @@ def list_attributes(options: RunOptions, system: RunSystem) -> dict[str, object]
         "duration_s": options.duration_s,
         "step_s": options.step_s,
         "storage_step_s": options.storage_s,
-        "scheme": str(options.scheme),
+        "scheme": str(system.scheme),
     }
 
 
@@ -105,40 +108,49 @@ def format_command(options: RunOptions) -> str:
     """The command that makes such a run, files by their names without folders."""
     if options.command:
         return options.command
-    archive = options.system.suffix.lower() == ".ssp"
-    words = [
-        *("ps-fmu", "run", options.scenario.name, "--ssp" if archive else "--system", options.system.name),
-        *("--duration", f"{options.duration_s!r}", "--step", f"{options.step_s!r}", "--seed", str(options.seed)),
-        *("--storage-step", f"{options.storage_s:.15g}", *_list_scheme(make_scheme(options.scheme))),
-    ]
-    for option, values in (
-        ("--parameters", [path.name for path in options.parameters]),
-        ("--apart", options.apart),
-        ("--requirements", [options.requirements.name] if options.requirements else []),
-        ("--disturbance", [options.disturbance.name] if options.disturbance else []),
-        *(("--observe", [pattern]) for pattern in options.observe),
-        ("--faults", [options.faults.name] if options.faults else []),
-        ("--from", [options.source.name] if options.source else []),
-        ("--anew", options.anew),
-    ):
-        words += [option, *values] if values else []
+    name = options.system.name
+    words = ["ps-fmu", "run", *([name] if options.is_plain else [options.scenario.name, "--system", name])]
+    for one in fields(options):
+        value = getattr(options, one.name)
+        if one.name in _NO_COMMAND or value is None or value is False:
+            continue
+        if one.name == "scheme":
+            words += _list_scheme(make_scheme(value))
+        elif isinstance(value, Isolation):
+            words += _list_isolation(value)
+        elif value is True:
+            words.append(name_option(one.name))
+        else:
+            for each in value if isinstance(value, tuple) else (value,):
+                words += [name_option(one.name), each.name if isinstance(each, Path) else str(each)]
     return shlex.join(words)
 
 
 def _list_scheme(scheme: Scheme) -> Iterator[str]:
     """The options of a scheme, where they are not the defaults."""
-    plain = Scheme()
+    plain, usual = Scheme(), Iteration()
     yield from ("--scheme", scheme.order)
     if scheme.extrapolation != plain.extrapolation:
         yield from ("--extrapolate", scheme.extrapolation)
     for name, rate in scheme.rates.items():
         yield from ("--rate", f"{name}={rate}")
-    if scheme.iteration.method != plain.iteration.method:
+    if scheme.iteration.method != usual.method:
         yield from ("--solver", scheme.iteration.method)
-    if scheme.iteration.relative != plain.iteration.relative:
+    if scheme.iteration.relative != usual.relative:
         yield from ("--tolerance", f"{scheme.iteration.relative!r}")
     if scheme.error_estimate:
         yield "--error-estimate"
+
+
+def _list_isolation(isolation: Isolation) -> Iterator[str]:
+    if isolation.names is None:
+        yield "--isolate"
+    for name in sorted(isolation.names or ()):
+        yield from ("--isolate-only", name)
+    if isolation.step_timeout_s != STEP_TIMEOUT_S:
+        yield from ("--step-timeout", f"{isolation.step_timeout_s!r}")
+    if isolation.call_timeout_s not in (None, CALL_TIMEOUT_S):
+        yield from ("--call-timeout", f"{isolation.call_timeout_s!r}")
 
 
 def format_settings(values: Mapping[str, Value], events: Sequence[tuple[float, str, Value]]) -> str:

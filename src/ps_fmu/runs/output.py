@@ -12,7 +12,7 @@ from pathlib import Path
 
 from ..cosim.checkpoint.state import DamagedCheckpointError
 from ..results.style import mark_picture
-from .kept_options import RUN, can_go_on
+from .keeping import RUN, can_go_on
 from .options import CHECKPOINTS, INPUTS, PLOT, REPORT, RESULTS, SUMMARY, OptionError
 
 MARK = b"ps_fmu"
@@ -139,8 +139,6 @@ def report_end(program: str, why: str, output: Path, code: int, error: BaseExcep
     kept = f"results so far: {results}" if results.is_file() else "nothing was stored"
     if not results.is_file() and results.with_name(f"{RESULTS}.earlier").is_file():
         kept = f"the results of before stay: {results}"
-    if (output / REPORT).is_file():  # the last that is written: the run is complete, and what it found is the failure
-        kept = f"all results are written: {output}"
     print(f"{program}: {why}\n{program}: {kept}", file=sys.stderr)
     if can_go_on(output):
         command = f"{'python system/run.py' if program == 'run.py' else program} --resume {output}"

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from ..cosim.faults.binding import ActedFault
 from ..requirements.verdict import Answer, Verdict, format_verdicts, list_remarks, summarise
 from ..results.figures import draw_exploration
 from ..results.page.content import Exploration, VerdictRow
@@ -13,18 +14,22 @@ from ..results.report import Picture, Report
 from ..results.summary import versions, write_summary
 from ..results.tables import Table
 from .cases import Outcome
-from .fault_report import list_faults, tabulate_faults
-from .finish import finish_file
 from .options import REPORT, RESULTS, SUMMARY, RunOptions
-from .setup import SEED, RunSystem, collect_parameters, identify_fmus
+from .setup import SEED, RunSystem, collect_parameters, has_disturbance, identify_fmus
+from .stored_rows import finish_file
 
 
-class NotMetError(ValueError):
-    """Requirements are not met, or it cannot be said."""
+@dataclass(frozen=True)
+class Done:
+    """A run whose results are all written."""
 
+    missed: Sequence[str]  # requirements that are not met, or of which it cannot be said
+    refused: str  # targets that are out of reach
 
-class TargetError(ValueError):
-    """The platform cannot be turned to the target of a run."""
+    @property
+    def failures(self) -> str:
+        """Why the run is no success; empty if it is one."""
+        return "; ".join(self.missed) or self.refused
 
 
 @dataclass(frozen=True)
@@ -32,9 +37,9 @@ class Findings:
     """The results of a scenario.  The three lists, per axis of P, and ``more`` go into summary.json."""
 
     title: str
-    printed: str  # what the terminal shows first
     outcomes: Sequence[Outcome]
-    orientation_deg: Sequence[float]  # roll, pitch, yaw
+    printed: str = ""  # what the terminal shows first
+    orientation_deg: Sequence[float] | None = None  # roll, pitch, yaw
     text: Sequence[str] = ()  # paragraphs of the report
     tables: Sequence[Table] = ()
     tabulate: Callable[[], Sequence[Table]] = tuple  # tables of the report that take time to make
@@ -53,11 +58,11 @@ class Findings:
         return sum(o.simulated_s for o in self.outcomes) / sum(o.wall_s for o in self.outcomes)
 
 
-def publish(options: RunOptions, system: RunSystem, findings: Findings) -> str:
+def publish(options: RunOptions, system: RunSystem, findings: Findings, show: Callable[[str], None] = print) -> Done:
     """Write figures, summary.json and report.html, and finish results.nc, all in the folder of the options.
 
-    Returns what the terminal shows of it: verdicts, faults, costs, how fast it went and where the results are.  Raises
-    ``OSError`` if they cannot be written.
+    Shows verdicts, faults, costs, how fast it went and where the results are.  Raises ``OSError`` if they cannot be
+    written.
     """
     explored = findings.explore(options.output / RESULTS)
     pictures = [*draw_exploration(explored, options.output), *findings.draw(options.output)] if options.figures else []
@@ -81,7 +86,8 @@ def publish(options: RunOptions, system: RunSystem, findings: Findings) -> str:
         warnings=system.warnings.texts,
     ).write(options.output / REPORT)
     speed = f"{findings.real_time_factor:.1f} x real time; results in {options.output}"
-    return "\n".join([*describe(options, system, findings), speed])
+    show("\n".join([*describe(options, system, findings), speed]))
+    return Done(list_missed(system, findings), findings.refused)
 
 
 def describe(options: RunOptions, system: RunSystem, findings: Findings) -> list[str]:
@@ -102,7 +108,7 @@ def make_summary(options: RunOptions, system: RunSystem, findings: Findings) -> 
         "orientation_deg": findings.orientation_deg,
         "step_s": options.step_s,
         "duration_s": options.duration_s,
-        "seed": int(system.get_start(SEED)),
+        "seed": int(system.get_start(SEED)) if has_disturbance(system.descriptions) else None,
         "rms_passive_rad": findings.rms_passive_rad,
         "rms_active_rad": findings.rms_active_rad,
         "rejection_percent": findings.rejection_percent,
@@ -146,3 +152,22 @@ def show_verdict(found: Verdict) -> VerdictRow:
         confidence="-" if sure is None else f"below {bound} with {100.0 * sure:g} %" if bound != "-" else "no bound",
         met=None if found.answer is Answer.OPEN else found.met,
     )
+
+
+Acted = Mapping[str, Sequence[ActedFault]]
+"""The faults that acted in each run, by its name."""
+
+
+def list_faults(path: Path, acted: Acted) -> dict[str, object]:
+    """The entry of summary.json."""
+    return {"file": path.name, "acted": {run: [fault.as_dict() for fault in found] for run, found in acted.items()}}
+
+
+def tabulate_faults(acted: Acted) -> Table:
+    """Each fault, and the runs that it acted in."""
+    runs: dict[str, list[str]] = {}
+    for run, found in acted.items():
+        for fault in found:
+            runs.setdefault(fault.text, []).append(run)
+    rows = [(text, ", ".join(names)) for text, names in runs.items()] or [("none has acted", ", ".join(acted))]
+    return Table("Faults", ("fault", "run"), rows)

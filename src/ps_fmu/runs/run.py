@@ -1,17 +1,20 @@
-"""A run of a scenario: its options, and its system once that is loaded."""
+"""A run of a scenario: the one way from options to findings, and to results in a folder."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
-from ..cosim import System, Value
-from ..cosim.description import read_descriptions
-from ..cosim.ssp.reading import read_system
-from .kept_rows import KeptRows
-from .loaded import LoadedSystem
-from .options import RunOptions
-from .setup import RunSystem, load_system
+from ..cosim import Value
+from ..cosim.structure import suggest_names
+from ..results.style import prepare_drawing
+from .built_fmus import find_built_folder, provide_fmus
+from .keeping import keep_run
+from .options import OptionError, RunOptions
+from .publish import Done, Findings, publish
+from .runner import Runner
+from .setup import RunSystem, load_system, read_files, settle_times
+from .stored_rows import KeptRows
 
 
 class Run:
@@ -43,13 +46,12 @@ class Run:
         return not self.only or case in self.only
 
     def load(self, defaults: Mapping[str, Value] | None = None) -> RunSystem:
-        """Load the system with a scenario's defaults, see :func:`.setup.load_system`."""
+        """Load the system with a scenario's defaults, see :func:`.setup.load_system`; the options get its times."""
         shared = self._shared
-        if shared is None:
-            self._system = load_system(self.options, defaults)
-        else:
-            system = load_system(self.options, defaults, shared.structure, shared.descriptions)
-            self._system = replace(system, kept=KeptRows(), loaded=shared.loaded)
+        files = read_files(self.options) if shared is None else shared.files
+        self.options = settle_times(self.options, files)
+        system = load_system(self.options, defaults, files)
+        self._system = system if shared is None else replace(system, kept=KeptRows(), runner=shared.runner)
         return self._system
 
 
@@ -60,10 +62,52 @@ class SharedSystem:
     """
 
     def __init__(self, options: RunOptions) -> None:
-        self.structure: System = read_system(options.system, options.fmus)
-        self.descriptions = read_descriptions(self.structure)
-        self.loaded = LoadedSystem(self.structure)
+        self.files = read_files(options)
+        self.runner = Runner(self.files.structure, stays=True)
 
     def close(self) -> None:
         """Free the FMUs; safe to call twice."""
-        self.loaded.close()
+        self.runner.close()
+
+
+def find(run: Run) -> Findings:
+    """Run the cases of the scenario; what comes of them.  Nothing is printed or drawn.
+
+    Raises :class:`.options.OptionError` for a case that the scenario has not.
+    """
+    scenario = run.options.scenario
+    if run.only and not scenario.alone:
+        raise OptionError(f"cases: the scenario {scenario.name} needs all of its cases")
+    for name in run.only:
+        if name not in (known := scenario.find_cases()):
+            raise OptionError(f"cases: there is no {name!r}{suggest_names(name, known)}; there are {', '.join(known)}")
+    found: Findings = scenario.load().find(run)
+    return found
+
+
+def build_fmus(options: RunOptions) -> None:
+    """Build the FMUs of ps_fmu, where the options name their folder and they are missing or older than their sources.
+
+    Raises BuildError, CosimError, OSError.
+    """
+    if options.fmus is not None and options.fmus == find_built_folder():
+        provide_fmus(options.fmus, options.system)
+
+
+def execute(options: RunOptions, show: Callable[[str], None] = print) -> Done:
+    """Run the scenario of the options; writes results.nc, summary.json, figures and report.html, shows the tables.
+
+    The output folder is held by :func:`.output.hold_folder`, and the FMUs are there, see :func:`build_fmus`.
+
+    Raises
+    ------
+    OptionError: an option cannot be honoured, as the system shows.
+    CosimError, OSError, ValueError: the FMUs cannot be run, or results cannot be written.
+    """
+    if options.figures:
+        prepare_drawing()
+    with keep_run(options):
+        run = Run(options)
+        findings = find(run)
+        show(findings.printed)
+        return publish(run.options, run.system, findings, show)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import import_module
@@ -15,6 +16,7 @@ class Scenario:
     Its module, imported when it runs, has ``find(run) -> Findings``: it runs the cases and returns what comes of
     them, prints nothing and draws nothing.  Its ``list_cases()`` names the runs, for requirements to name; a module
     in which only ``find`` knows them has none.  A study, which runs its cases itself, has no module.
+    Times that are not a number are those of the system, see :func:`.setup.settle_times`.
     """
 
     name: str
@@ -26,6 +28,8 @@ class Scenario:
     system: str = "SystemStructure.ssd"  # name of the product's system description
     cases: tuple[str, ...] = ()  # names of the runs of a study
     alone: bool = False  # single cases can be asked for
+    seed: int | None = 1  # of the disturbance; None: that of the system
+    foreign: bool = False  # takes any system, of whatever maker, as SSP says; else one with plant and disturbance
 
     def find_cases(self) -> tuple[str, ...]:
         """Names of the runs; empty where only ``find`` knows them."""
@@ -94,3 +98,22 @@ SCENARIOS: Mapping[str, Scenario] = {
     )
 }
 """All scenarios by name: those of the product, then those of the paper's figures."""
+PLAIN = Scenario(
+    "plain",
+    "any system, run once",
+    "ps_fmu.runs.plain",
+    duration_s=math.nan,
+    step_s=math.nan,
+    storage_step_s=0.0,  # each step
+    system="",
+    cases=("run",),
+    alone=True,
+    seed=None,
+    foreign=True,
+)
+"""What runs a system that is named itself, in place of a scenario."""
+
+
+def find_scenario(name: str) -> Scenario | None:
+    """The scenario of this name, or :data:`PLAIN`; None if there is none."""
+    return PLAIN if name == PLAIN.name else SCENARIOS.get(name)

@@ -2,29 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from fmpy.model_description import ModelDescription
 
 from ..cosim import System, UsageError, Value, read_parameters, read_system
 from ..cosim.clock import StepClock
+from ..cosim.columns import list_run_columns
 from ..cosim.description import convert_value, find_variable, get_unit, index_variables, read_descriptions, read_start
 from ..cosim.faults.active import make_faults
 from ..cosim.faults.reading import FaultFile, read_faults
-from ..cosim.recording.thinner import select_names
-from ..cosim.rows import Column, make_layout
-from ..cosim.schemes.scheme import make_scheme
-from ..cosim.signals import Signal
-from ..cosim.structure import Parameter, parse_port
+from ..cosim.graph import Wiring, check_wiring
+from ..cosim.recording.thinner import matches, select_names
+from ..cosim.rows import Column
+from ..cosim.schemes.resolving import resolve_scheme
+from ..cosim.schemes.scheme import Scheme, make_scheme
+from ..cosim.signals import Signal, read_signals
+from ..cosim.ssp.reading import complete_experiment, fit_duration, read_any_system
+from ..cosim.structure import Parameter, PortName, parse_port
 from ..results.summary import FmuFile
-from .cost_log import CostLog
 from .index_record import IndexLog
 from .judge import RunJudge, read_judge
-from .kept_rows import KeptRows
-from .loaded import LoadedSystem
+from .logs import CostLog, WarningLog
 from .options import PARAMETERS, OptionError, RunOptions
-from .warning_log import WarningLog
+from .runner import Runner
+from .stored_rows import KeptRows
 
 SEED = "disturbance.seed"
 RECORDING_PATH = "disturbance.recording.path"
@@ -33,6 +37,14 @@ LOWEST_NOISE, HIGHEST_NOISE = "disturbance.noise.band.min", "disturbance.noise.b
 #: Highest frequency of the noise over the rate of the steps.  What is above half that rate would fold down to low
 #: frequencies, where the same force moves the bus a thousand times more.
 HIGHEST_PER_RATE = 0.4
+
+
+SCHEME = "--scheme and --rate"
+"""What an :class:`.options.OptionError` begins with that is about the order of exchange."""
+
+
+class ColumnsError(UsageError):
+    """Inputs over time, or outputs of the system, that cannot be."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +57,8 @@ class RunSystem:
     """Model descriptions of the FMUs by component."""
     given: Mapping[str, Parameter]
     """What the user's parameter files set, by ``component.variable``."""
+    scheme: Scheme = Scheme()
+    """How the FMUs exchange values, with rates that the system states."""
     warnings: WarningLog = field(default_factory=WarningLog)
     """What the user should know about the run."""
     judge: RunJudge = field(default_factory=RunJudge)
@@ -57,10 +71,14 @@ class RunSystem:
     """What happens to signals and parameters in each run."""
     inputs: Mapping[str, Signal] = field(default_factory=dict)
     """Inputs over time, by the name of an input of the system or by ``component.variable``."""
+    also: frozenset[PortName] = frozenset()
+    """Variables that are recorded beside the outputs."""
+    columns: tuple[Column, ...] = ()
+    """All that a run can record."""
     kept: KeptRows | None = None
     """Where the rows of the runs are kept in memory; None: they are written into results.nc."""
-    loaded: LoadedSystem | None = None
-    """The FMUs, where they stay loaded from run to run."""
+    runner: Runner | None = None
+    """Has the FMUs, where they stay loaded from run to run."""
 
     def get_start(self, name: str) -> Value:
         """The value that ``component.variable`` will start with: as set in the system, or else as its FMU has it.
@@ -92,57 +110,182 @@ class RunSystem:
         return component.source.name if entry is None else entry.origin
 
 
+@dataclass(frozen=True, eq=False)
+class SystemFiles:
+    """What the files of a system say, before a scenario and its user change anything."""
+
+    structure: System
+    descriptions: Mapping[str, ModelDescription]
+    warnings: tuple[str, ...] = ()
+
+
+def read_files(options: RunOptions) -> SystemFiles:
+    """Read a system; one that is foreign as SSP says, with the values of the parameter files behind all its bindings.
+
+    Raises :class:`ps_fmu.cosim.SystemFileError` or :class:`ps_fmu.cosim.UsageError`, naming the file and line.
+    """
+    warnings = WarningLog()
+    if not options.scenario.foreign:
+        structure = read_system(options.system, options.fmus, outside=options.outside)
+        return SystemFiles(structure, read_descriptions(structure))
+    with warnings.collect():
+        sets = [read_parameters(path).entries() for path in options.parameters]
+        structure = read_any_system(options.system, options.fmus, outside=options.outside, values=sets)
+        return SystemFiles(structure, read_descriptions(structure, lenient=True), warnings.texts)
+
+
+def settle_times(options: RunOptions, files: SystemFiles) -> RunOptions:
+    """The options with step and duration of the system, or else of its FMUs, where none is given.
+
+    A default duration is cut to whole steps, one of the user's has to be that.  Raises :class:`OptionError`.
+    """
+    if not options.is_plain:
+        return options
+    experiment = complete_experiment(files.structure, files.descriptions)
+    step, duration = experiment.step if math.isnan(options.step_s) else options.step_s, options.duration_s
+    if step is None:
+        raise OptionError(f"--step: neither {options.system} nor its FMUs state a step: say how many seconds")
+    if math.isnan(duration):
+        if experiment.stop_time is None:
+            stated = f"neither {options.system} nor its FMUs state a stop time"
+            raise OptionError(f"--duration: {stated}: say how many seconds")
+        duration = fit_duration(experiment.stop_time - experiment.start_time, step)
+    return replace(options, step_s=step, duration_s=duration)
+
+
 def load_system(
-    options: RunOptions,
-    defaults: Mapping[str, Value] | None = None,
-    base: System | None = None,
-    descriptions: Mapping[str, ModelDescription] | None = None,
+    options: RunOptions, defaults: Mapping[str, Value] | None = None, files: SystemFiles | None = None
 ) -> RunSystem:
     """The system of the options, with the scenario's ``defaults``, the seed, and then the user's parameter files.
 
     A recorded disturbance takes the place of the noise; a parameter file may switch the noise on again.
     Where the step is too long for the band of the noise, and no parameter file sets that band, the band is lowered,
-    with a warning.  ``base`` and ``descriptions``: the system and its model descriptions, where they have been read.
+    with a warning.  ``files``: those of the system, where they have been read.
 
-    Raises :class:`OptionError` for a step that is too long for any noise, for requirements or a recorded disturbance
-    that cannot be used, for outputs to store that there are not, and for a recorded disturbance in a scenario whose
-    defaults are a recording or a multisine; :class:`ps_fmu.cosim.SystemFileError` or :class:`ps_fmu.cosim.UsageError`
-    naming the file and line, and for a system without a disturbance source.
+    Raises :class:`OptionError` for a step that is too long for any noise, for a scheme, requirements or a recorded
+    disturbance that cannot be used, for outputs to store that there are not, and for a recorded disturbance in a
+    scenario whose defaults are a recording or a multisine; :class:`ps_fmu.cosim.SystemFileError` or
+    :class:`ps_fmu.cosim.UsageError` naming the file and line, and for a scenario without a disturbance source.
     """
     given: dict[str, Parameter] = {}
     for path in options.parameters:
         given |= read_parameters(path).entries()
     given |= {name: Parameter(value, None, PARAMETERS) for name, value in options.values.items()}
-    if options.disturbance is not None and RECORDING_PATH in given:
-        origin = given[RECORDING_PATH].origin
-        raise OptionError(f"--disturbance: {origin} sets {RECORDING_PATH}, too; expected one of both")
-    if options.disturbance is not None and {RECORDING_PATH, MULTISINE} & set(defaults or {}):
-        raise OptionError(
-            f"--disturbance: the scenario {options.scenario.name} has a disturbance of its own, and its results need it"
-        )
-    recorded = _read_disturbance(options)
-    structure = read_system(options.system, options.fmus) if base is None else base
-    if (source := parse_port(SEED).component) not in {component.name for component in structure.components}:
-        raise UsageError(f"{options.system}: there is no component {source!r}, whose noise scenarios need: add one")
-    first = {**(defaults or {}), SEED: options.seed, **({NOISE: False} if recorded else {}), **recorded}
-    structure = structure.with_parameters(first).with_parameters(given)
-    descriptions = read_descriptions(structure) if descriptions is None else descriptions
+    own = _read_disturbance(options, defaults or {}, given)
+    files = read_files(options) if files is None else files
+    structure, descriptions, foreign = files.structure, files.descriptions, options.scenario.foreign
+    disturbed = has_disturbance(descriptions)
+    if disturbed and options.seed is not None:
+        own[SEED] = options.seed
+    elif options.seed != options.scenario.seed or (own and not disturbed):
+        option = "--disturbance" if own else "--seed"
+        raise OptionError(f"{option}: {options.system} has no disturbance source of ps_fmu")
+    warnings = WarningLog(files.warnings)
+    with warnings.collect():
+        if foreign:
+            structure = structure.with_parameters({name: own[name] for name in own.keys() - given.keys()})
+            structure = structure.with_parameters({name: given[name] for name in options.values})
+            wiring = check_wiring(structure, descriptions)
+            for text in (*wiring.remarks, *(_list_silent(structure, options) if options.is_plain else ())):
+                warnings.add(text)
+            structure = settle(structure, wiring)
+        else:
+            if not disturbed:
+                source = parse_port(SEED).component
+                raise UsageError(f"{options.system}: there is no component {source!r}, whose noise scenarios need")
+            structure = structure.with_parameters({**(defaults or {}), **own}).with_parameters(given)
+        clock, scheme = StepClock(0.0, options.step_s), _resolve_scheme(options, structure, descriptions)
     faults = None if options.faults is None else read_faults(options.faults)
-    clock, scheme = StepClock(0.0, options.step_s), make_scheme(options.scheme)
     seen = make_faults(faults, structure, descriptions, clock, scheme).recorded
-    columns = make_layout(descriptions, seen).columns
+    inputs = {} if options.inputs is None else read_signals(options.inputs)
+    also = _find_others(descriptions, options.observe) if options.is_plain else set()
+    try:
+        columns = list_run_columns(structure, descriptions, inputs, scheme, options.step_s, {*also, *seen})
+    except UsageError as error:
+        raise ColumnsError(str(error)) from error
     select_stored(columns, options.observe)
-    system = RunSystem(structure, descriptions, given, judge=read_judge(options, columns), faults=faults)
-    return limit_noise(system, options.step_s)
+    system = RunSystem(
+        structure, descriptions, given, scheme, warnings, read_judge(options, columns), faults=faults, inputs=inputs,
+        also=frozenset(also), columns=columns,
+    )  # fmt: skip
+    return limit_noise(system, options.step_s) if disturbed and not options.is_plain else system
 
 
-def _read_disturbance(options: RunOptions) -> dict[str, Value]:
+def has_disturbance(descriptions: Mapping[str, ModelDescription]) -> bool:
+    """Whether there is a disturbance source of ps_fmu: a component of another maker may have the same name."""
+    component = parse_port(SEED).component
+    known = index_variables(descriptions[component]) if component in descriptions else {}
+    return all(parse_port(name).variable in known for name in (SEED, HIGHEST_NOISE))
+
+
+def settle(structure: System, wiring: Wiring) -> System:
+    """The system with start values as the FMUs take them, behind all bindings, and without those that are ignored."""
+    return replace(
+        structure,
+        components=tuple(
+            replace(
+                component,
+                parameters={
+                    name: replace(
+                        entry, value=wiring.starts[component.name][name], unit=None, defined=None, items=None, hops=()
+                    )
+                    for name, entry in component.parameters.items()
+                    if name in wiring.starts[component.name]
+                },
+            )
+            for component in structure.components
+        ),
+    )
+
+
+def _resolve_scheme(options: RunOptions, structure: System, descriptions: Mapping[str, ModelDescription]) -> Scheme:
+    try:
+        return resolve_scheme(make_scheme(options.scheme), structure, descriptions, options.step_s)
+    except UsageError as error:
+        raise OptionError(f"{SCHEME}: {error}") from error
+
+
+def _find_others(descriptions: Mapping[str, ModelDescription], patterns: Sequence[str]) -> set[PortName]:
+    """Variables beside the outputs that a pattern fits."""
+    return {
+        port
+        for name, description in descriptions.items()
+        for variable in description.modelVariables
+        if patterns and variable.causality not in ("output", "independent") and variable.type != "String"
+        for port in [PortName(name, variable.name)]
+        if any(matches(str(port), pattern) for pattern in patterns)
+    }
+
+
+def _list_silent(system: System, options: RunOptions) -> Iterator[str]:
+    """A text on the inputs of the system that keep their start values, if there are any."""
+    fed = () if options.inputs is None else read_signals(options.inputs).keys()
+    given = {port for c in system.components for port in (PortName(c.name, name) for name in c.parameters)}
+    silent = [
+        item.name
+        for item in system.inputs
+        if item.name not in fed and not any(port in given for port, _ in item.targets)
+    ]
+    if silent:
+        yield f"inputs of the system that keep their start values: {', '.join(silent)}"
+
+
+def _read_disturbance(
+    options: RunOptions, defaults: Mapping[str, Value], given: Mapping[str, Parameter]
+) -> dict[str, Value]:
     """Start values that make the disturbance source a recording of the options' file; none without one."""
     if options.disturbance is None:
         return {}
+    if RECORDING_PATH in given:
+        origin = given[RECORDING_PATH].origin
+        raise OptionError(f"--disturbance: {origin} sets {RECORDING_PATH}, too; expected one of both")
+    if {RECORDING_PATH, MULTISINE} & set(defaults):
+        raise OptionError(
+            f"--disturbance: the scenario {options.scenario.name} has a disturbance of its own, and its results need it"
+        )
     from .recorded import provide_recording  # with all kinds of disturbance, which runs without one do not need
 
-    return {RECORDING_PATH: str(provide_recording(options, options.disturbance))}
+    return {NOISE: False, RECORDING_PATH: str(provide_recording(options, options.disturbance))}
 
 
 def select_stored(columns: Sequence[Column], patterns: Sequence[str]) -> list[str]:
@@ -160,8 +303,8 @@ def collect_parameters(options: RunOptions, system: RunSystem) -> dict[str, obje
         "duration (s)": options.duration_s,
         "step (s)": options.step_s,
         "storage step (s)": options.storage_s,
-        "scheme": str(options.scheme),
-        SEED: system.get_start(SEED),
+        "scheme": str(system.scheme),
+        **({SEED: system.get_start(SEED)} if has_disturbance(system.descriptions) else {}),
         **({} if options.faults is None else {"faults": options.faults.name}),
     }
     for component in system.structure.components:
@@ -169,7 +312,7 @@ def collect_parameters(options: RunOptions, system: RunSystem) -> dict[str, obje
         found |= {
             f"{component.name}.{name}": entry.value
             for name, entry in component.parameters.items()
-            if entry.value != read_start(variables[name])
+            if variables[name].start is None or entry.value != read_start(variables[name])
         }
     return found
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,12 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..cosim import Column
 from ..cosim.recording.columns_on_disk import read_rows
-from ..mechanism.geometry import Geometry
 from ..mechanism.inverse_kinematics import trilaterate
+from ..mechanism.kinematics import Geometry
 from ..mechanism.rotations import rotation_matrix
 from ..pointing.spectra import cumulative_rms, log_bands
-from ..reduction.columns import NETCDF_LOCK
+from ..results.datasets import open_results
 from ..results.observers.bins import Envelope, MeanObserver, Means
 from ..results.observers.scatter import Scatter
 from ..results.page.content import (
@@ -62,14 +62,6 @@ BANDS_PER_DECADE = 2000  # 0.12 %: a line is read to 0.1 Hz at 100 Hz
 FEWEST_ROWS = 16
 _AVERAGED = f"a {BANDS_PER_DECADE}th of a decade"
 MOST_ROWS = 2**19  # of a settled part: 12 MB a case; what is before is left out
-
-
-@dataclass(frozen=True)
-class Column:
-    """A column of results.nc, as observers name it."""
-
-    name: str
-    unit: str
 
 
 def explore_comparisons(comparisons: Mapping[str, Comparison], system: RunSystem, results: Path) -> Exploration:
@@ -245,15 +237,6 @@ def chart_settled(
     return [chart_spectra(f"Spectra of the settled part: {what}", caption, names, frequency, spectra)]
 
 
-@contextmanager
-def open_results(path: Path) -> Iterator[Any]:
-    """The groups of results.nc, to be read by one thread at a time.  Raises OSError."""
-    import netCDF4
-
-    with NETCDF_LOCK, netCDF4.Dataset(path) as file:
-        yield file
-
-
 def show_mechanism(system: RunSystem, results: Path, runs: Sequence[tuple[str, str]]) -> Mechanism | None:
     """The mechanism of the plant with the motions of some ``runs``: what the report calls them, group in ``results``.
 
@@ -302,7 +285,8 @@ def read_motion(stored: Any) -> Means | None:
     """
     if not set(MOTION) <= stored.variables.keys():
         return None
-    observer = MeanObserver([Column(name, stored[name].units) for name in MOTION], MOTION, bins=MOTION_BINS // 2)
+    columns = [Column(name, stored[name].units, "Real", "") for name in MOTION]
+    observer = MeanObserver(columns, MOTION, bins=MOTION_BINS // 2)
     count = len(stored["time"])
     for first in range(0, count, READ_ROWS):
         time, *rows = (read_rows(stored[name], first, min(first + READ_ROWS, count)) for name in ("time", *MOTION))

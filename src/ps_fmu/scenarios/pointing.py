@@ -12,8 +12,7 @@ from functools import partial
 import numpy as np
 from tqdm import tqdm
 
-from ..mechanism.quaternions import from_rotation_matrix, multiply
-from ..mechanism.rotations import rotation_matrix
+from ..mechanism.rotations import from_rotation_matrix, multiply, rotation_matrix
 from ..results.tables import format_tables
 from ..runs.cases import Case, Outcome, run_case
 from ..runs.options import OptionError, RunOptions
@@ -121,7 +120,7 @@ def _measure(
     shaking = make_shaking(options.step_s, read_tracker(system).sample_time)
     values = dict(zip(TARGET, target, strict=True))
     with tqdm(total=3 * shaking.seeds, unit="run", disable=not options.progress, desc="loop cut open") as bar:
-        return measure_loop(system.structure, loop, shaking, values, plan.target, options.seed, bar.update)
+        return measure_loop(system.structure, loop, shaking, values, plan.target, options.seed or 0, bar.update)
 
 
 def _check_components(system: RunSystem) -> None:

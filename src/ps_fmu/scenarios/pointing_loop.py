@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ..control.pointing import PointingLaw
 from ..cosim import System, Value
-from ..interface.parameter_sets import build_plant_and_isolator
+from ..interface.start_values import build_plant_and_isolator
 from ..mechanism.parameters import load
 from ..mechanism.quantities import Array, take_values
 from ..pointing.response import Response

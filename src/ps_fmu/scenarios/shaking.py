@@ -19,6 +19,7 @@ from ..disturbance.spectrum import layers
 from ..mechanism.parameters import Array
 from ..pointing.response import Response, periodic_response
 from ..results.observers.sampler import SampleObserver
+from ..runs.runner import compute
 
 if TYPE_CHECKING:
     from ..cosim import System, Value
@@ -134,13 +135,10 @@ def measure_response(
 
 def _record(system: System, shaking: Shaking, names: Sequence[str]) -> Array:
     """One run: the kept rows of a period, and two more, (n + 2, names)."""
-    from ..cosim import Master
-
     end = shaking.settling + shaking.period
     kept = round(shaking.period / (shaking.step * shaking.stride)) + 2
     rows = round(end / shaking.step) - shaking.stride * np.arange(kept)[::-1]
-    with Master(system, shaking.step, only=names) as master:
-        master.initialise()
-        samples = SampleObserver(master.columns, names, rows.tolist())
-        master.run(end, [samples])
+    samples = compute(
+        system, shaking.step, end, lambda columns: SampleObserver(columns, names, rows.tolist()), only=names
+    )
     return samples.values(*names)

@@ -16,6 +16,7 @@ import numpy as np
 
 from ..cosim.recording.decimate import PASS_BAND
 from ..pointing.spectra import rejection_percent
+from ..results.datasets import open_results
 from ..results.observers.bins import Envelope
 from ..results.page.content import Axis, Chart, ChartGroup, Curve, Exploration, Spans, Still
 from ..results.tables import format_angles, format_tables
@@ -30,7 +31,6 @@ from .exploration import (
     MOST_ROWS,
     chart_envelopes,
     chart_settled,
-    open_results,
     shade_faults,
     shorten_name,
     show_mechanism,

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..mechanism.rotations import orientation_rate_map, rotation_matrix
-from ..results.observers.arrival import Arrival, ArrivalObserver
 from ..results.observers.bins import Envelope, EnvelopeObserver
 from ..results.observers.observer import ColumnObserver, NamedColumn
+from ..results.observers.statistics import Arrival, ArrivalObserver
 from .jitter_record import ORIENTATION, REACHABLE, ROTATION
 
 Array = NDArray[np.float64]

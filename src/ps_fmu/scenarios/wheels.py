@@ -14,7 +14,7 @@ from ..cosim import Value
 from ..disturbance import DisturbanceSettings, default_settings
 from ..disturbance.turning import RPM
 from ..disturbance.wheels import WheelSource
-from ..interface.parameter_sets import build_plant_and_isolator
+from ..interface.start_values import build_plant_and_isolator
 from ..mechanism.parameters import load
 from ..mechanism.quantities import Array, Complex, ParameterError, list_entries, take_values
 from ..results.style import engineering

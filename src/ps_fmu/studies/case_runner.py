@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from ..cosim import Master, Observer, Recorder, RecorderError, SlaveError, System, Value
+from ..cosim import Master, Observer, Recorder, RecorderError, SlaveError, Value
 from ..cosim.checkpoint.checkpoints import Checkpoints
 from ..cosim.checkpoint.state import CheckpointError
 from ..cosim.checkpoint.warm_start import WarmStart
@@ -24,9 +24,9 @@ from ..requirements.requirement import read_requirements
 from ..runs.cases import Bounds
 from ..runs.judge import RunJudge
 from ..runs.keeping import SinceStart
-from ..runs.loaded import LoadedSystem
-from ..runs.stored_names import make_stored_names, rename_columns
-from ..runs.warning_log import WarningLog
+from ..runs.logs import WarningLog
+from ..runs.runner import Runner
+from ..runs.stored_rows import make_stored_names, rename_columns
 from ..terminal import reason
 from .bundle import FAULTS, INPUTS, REQUIREMENTS, SYSTEM, TASK, Task, result_versions
 from .factors import split_values
@@ -54,7 +54,7 @@ class CaseRunner:
         self._inputs = read_signals(folder / INPUTS) if (folder / INPUTS).is_file() else {}
         system = decode_system(folder / SYSTEM)
         self._descriptions = read_descriptions(system, lenient=True)
-        self._loaded = LoadedSystem(system)
+        self._runner = Runner(system, stays=True)
         self._numbers: dict[str, Value] = {}
         """Of faults, as the last run had them."""
         self.columns = list_run_columns(system, self._descriptions, self._inputs, task.scheme, task.step_s)
@@ -76,7 +76,12 @@ class CaseRunner:
         After an error the FMUs are loaded anew.  Raises :class:`..cosim.CosimError`.
         """
         starts, numbers = split_values(values, self._descriptions)
-        with self._loaded.hold(starts, self._make) as master:
+        if not self._runner.is_loaded:
+            self._numbers = {}
+        with self._runner.hold(
+            starts, step=self.task.step_s, scheme=self.task.scheme, descriptions=self._descriptions,
+            faults=self._faults, isolation=self.task.isolation, start_time=self._began, inputs=self._inputs,
+        ) as master:  # fmt: skip
             if self._faults is not None and numbers != self._numbers:
                 changed = change_numbers(self._faults, numbers)
                 master.faults.change(bind_faults(changed, master.system, self._descriptions, master.clock))
@@ -85,16 +90,9 @@ class CaseRunner:
             master.initialise()
             yield master
 
-    def _make(self, system: System) -> Master:
-        self._numbers = {}
-        return Master(
-            system, self.task.step_s, self.task.scheme, descriptions=self._descriptions, faults=self._faults,
-            isolation=self.task.isolation, start_time=self._began, inputs=self._inputs,
-        )  # fmt: skip
-
     def close(self) -> None:
         """Free the FMUs; safe to call twice."""
-        self._loaded.close()
+        self._runner.close()
 
     def run(self, index: int, values: Mapping[str, Value], signals: Path | None = None) -> Row:
         """The row of a case; one that fails has its error in it.

@@ -6,39 +6,30 @@ What it observes and varies, where its runs begin, and the files for workers.
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from fmpy.model_description import ModelDescription
 
-from ..cosim import Column, CosimError, System, UsageError, Value, read_parameters
+from ..cosim import Column, CosimError, UsageError, Value
 from ..cosim.checkpoint.warm_start import WarmStart
 from ..cosim.clock import StepClock
 from ..cosim.columns import list_run_columns
-from ..cosim.description import index_variables, read_descriptions
 from ..cosim.errors import MissingFmuError
-from ..cosim.faults.active import make_faults
 from ..cosim.faults.binding import bind_faults
 from ..cosim.faults.numbers import change_numbers
-from ..cosim.faults.reading import read_faults
-from ..cosim.graph import Wiring, check_wiring
+from ..cosim.graph import check_wiring
 from ..cosim.schemes.resolving import resolve_scheme
-from ..cosim.signals import read_signals
 from ..cosim.ssp.reading import complete_experiment, read_any_system
-from ..cosim.structure import Experiment, Parameter, parse_port
+from ..cosim.structure import Experiment
 from ..cosim.system_json import encode_system
 from ..product.files import find_product
 from ..requirements.quantity import Names, Time
-from ..requirements.requirement import find_targets, read_requirements
 from ..runs.built_fmus import find_built_folder, is_own, list_models, provide_fmus
-from ..runs.judge import RunJudge
 from ..runs.keeping import find_source
 from ..runs.options import OptionError, RunOptions
 from ..runs.scenario import Scenario
-from ..runs.setup import HIGHEST_NOISE, SEED, RunSystem, limit_noise
-from ..runs.warning_log import WarningLog
+from ..runs.setup import SCHEME, ColumnsError, RunSystem, load_system, read_files
 from .bundle import FAULTS, FMUS, INPUTS, REQUIREMENTS, SYSTEM, TASK, Bundle, Sources, Task, result_versions
 from .factors import names_faults, split_values
 from .observed import check_signals, check_windows, find_columns, find_signals
@@ -47,7 +38,6 @@ from .study import Branch, Observed, Study, StudyError
 
 DEFAULT_SIGNAL = "plant.payload_rotation"
 DEFAULT_WINDOW_S = 1.0
-DEFAULT_SEED = 1  # of the disturbance, where no case has its own
 MOST_LEVELS = 1000  # of a number of faults: more are not checked one by one
 
 
@@ -58,7 +48,7 @@ def make_options(study: Study, output: Path) -> RunOptions:
     """
     scenario = Scenario(
         study.name, f"a case of the study {study.path.name}", "", study.duration_s, study.step_s,
-        cases=tuple(study.runs), system=study.system.name,
+        cases=tuple(study.runs), system=study.system.name, foreign=True,
     )  # fmt: skip
     return RunOptions(
         scenario,
@@ -70,6 +60,8 @@ def make_options(study: Study, output: Path) -> RunOptions:
         scheme=study.scheme,
         requirements=study.requirements,
         faults=study.faults,
+        inputs=study.inputs,
+        outside=study.outside,
         isolation=study.isolation,
         fmus=study.fmus,
         progress=False,
@@ -101,15 +93,22 @@ def load_study_system(study: Study) -> tuple[Study, RunSystem]:
     Start values are those that the FMUs take, behind all bindings, mappings and units.  The study has the step of its
     system, or else of its FMUs, where it states none itself.
 
-    Raises :class:`.study.StudyError`, :class:`..requirements.requirement.RequirementError`, and
-    :class:`..cosim.CosimError` for a system that cannot be read.
+    Raises :class:`.study.StudyError`, and :class:`..cosim.CosimError` for a system that cannot be read.
     """
-    warnings = WarningLog()
-    with warnings.collect():
-        try:
-            study, system = _read(study, warnings)
-        except OptionError as error:
-            raise StudyError(f"{study.path}, study, {str(error).removeprefix('--')}") from error
+    try:
+        files = read_files(make_options(study, Path()))
+        stated = complete_experiment(files.structure, files.descriptions).step
+        if not study.states_step and stated is not None:
+            study = replace(study, step_s=stated)
+        system = load_system(make_options(study, Path()), files=files)
+    except OptionError as error:
+        text = str(error)
+        if text.startswith(SCHEME):
+            raise study.error("rates" if study.scheme.rates else "scheme", text.removeprefix(f"{SCHEME}: ")) from error
+        raise StudyError(f"{study.path}, study, {text.removeprefix('--')}") from error
+    except ColumnsError as error:
+        own = study.inputs is not None and str(error).startswith(str(study.inputs))
+        raise study.error("inputs" if own else "system", str(error)) from error
     if study.isolation is not None:
         try:
             study.isolation.check(system.structure)
@@ -121,77 +120,12 @@ def load_study_system(study: Study) -> tuple[Study, RunSystem]:
         check_windows(observed, study.step_s, study.duration_s)
     if study.signals is not None:
         check_signals(study.signals, columns, study.step_s, study.duration_s)
-    for requirement in system.judge.requirements:
-        find_targets(requirement, columns)
-        requirement.check_times(study.step_s, study.duration_s)
-        requirement.check_cases(study.runs)
     return study, system
 
 
 def list_columns(study: Study, system: RunSystem) -> tuple[Column, ...]:
     """What a run of the study can record, in order: outputs, inputs over time, outputs of the system."""
     return list_run_columns(system.structure, system.descriptions, system.inputs, study.scheme, study.step_s)
-
-
-def _read(study: Study, warnings: WarningLog) -> tuple[Study, RunSystem]:
-    given: dict[str, Parameter] = {}
-    sets = [read_parameters(path).entries() for path in study.parameters]
-    for one in sets:
-        given |= one
-    structure = read_any_system(study.system, study.fmus, outside=study.outside, values=sets)
-    descriptions = read_descriptions(structure, lenient=True)
-    if not study.states_step and (stated := complete_experiment(structure, descriptions).step) is not None:
-        study = replace(study, step_s=stated)
-    make_options(study, Path())  # raises for times that no run could have
-    disturbed = _has_disturbance(descriptions)
-    if disturbed and SEED not in given:
-        structure = structure.with_parameters({SEED: DEFAULT_SEED})
-    wiring = check_wiring(structure, descriptions)
-    for text in wiring.remarks:
-        warnings.add(text)
-    inputs = {} if study.inputs is None else read_signals(study.inputs)
-    faults = None if study.faults is None else read_faults(study.faults)
-    make_faults(faults, structure, descriptions, StepClock(0.0, study.step_s), study.scheme)
-    judge = RunJudge(() if study.requirements is None else read_requirements(study.requirements))
-    system = RunSystem(
-        _settle(structure, wiring), descriptions, given, warnings, judge, faults=faults, inputs=inputs
-    )
-    try:
-        resolve_scheme(study.scheme, structure, descriptions, study.step_s)
-    except UsageError as error:
-        raise study.error("rates" if study.scheme.rates else "scheme", str(error)) from error
-    try:
-        list_columns(study, system)
-    except UsageError as error:
-        own = study.inputs is not None and str(error).startswith(str(study.inputs))
-        raise study.error("inputs" if own else "system", str(error)) from error
-    return study, limit_noise(system, study.step_s) if disturbed else system
-
-
-def _has_disturbance(descriptions: Mapping[str, ModelDescription]) -> bool:
-    """Whether there is a disturbance source of ps_fmu: a component of another maker may have the same name."""
-    component = parse_port(SEED).component
-    known = index_variables(descriptions[component]) if component in descriptions else {}
-    return all(parse_port(name).variable in known for name in (SEED, HIGHEST_NOISE))
-
-
-def _settle(structure: System, wiring: Wiring) -> System:
-    """The system with start values as the FMUs take them, and without those that are ignored."""
-    return replace(
-        structure,
-        components=tuple(
-            replace(
-                component,
-                parameters={
-                    name: replace(entry, value=wiring.starts[component.name][name], unit=None, defined=None,
-                                  items=None, hops=())
-                    for name, entry in component.parameters.items()
-                    if name in wiring.starts[component.name]
-                },
-            )
-            for component in structure.components
-        ),
-    )  # fmt: skip
 
 
 def read_sources(study: Study) -> Sources:

@@ -75,12 +75,6 @@ class Nominal:
         """Base wrench -> payload rotation (3, 6), eq (35)."""
         return np.asarray(self.G_P(s) @ self.D(s))
 
-    def feedthrough(self) -> Array:
-        """G_P at infinite frequency (3, 6), eq (40)."""
-        d, J = self.dynamics, self.dynamics.jacobians
-        d_f, q_b = d.slices["d_f"], d.slices["q_b"]
-        return np.asarray(J.J_theta_b - J.J_theta_f @ np.linalg.solve(d.M[d_f, d_f], d.M[d_f, q_b]))
-
     def Y(self, s: ArrayLike) -> Complex:
         """U22^-1 U21 (6, 3) of eqs (41), (43), (44): minus the base motion per fine elongation.
 

@@ -3,7 +3,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from ps_fmu.results.observers.arrival import ArrivalObserver
+from ps_fmu.results.observers.statistics import ArrivalObserver
 
 COLUMNS = [SimpleNamespace(name=name, unit="1") for name in ("a", "moving", "b")]
 STEP = 0.1

@@ -10,12 +10,11 @@ from ps_fmu.cosim.checkpoint.state import Stateful
 from ps_fmu.cosim.rows import Column
 from ps_fmu.requirements.record import RequirementRecord
 from ps_fmu.requirements.requirement import read_requirements
-from ps_fmu.results.observers.arrival import ArrivalObserver
 from ps_fmu.results.observers.bins import EnvelopeObserver, MeanObserver
 from ps_fmu.results.observers.observer import Batch
 from ps_fmu.results.observers.sampler import HistoryObserver, LastRow, SampleObserver
 from ps_fmu.results.observers.scatter import ScatterObserver
-from ps_fmu.results.observers.statistics import DriftObserver, Statistics
+from ps_fmu.results.observers.statistics import ArrivalObserver, DriftObserver, Statistics
 from ps_fmu.results.observers.welch import Welch
 from ps_fmu.runs.index_record import IndexRecord
 

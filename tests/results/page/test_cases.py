@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from support.browser import INSTALL, PHONE, find_browser
-from support.cases import FAILED, make_case_report, make_cases
+from support.reports import FAILED, make_case_report, make_cases
 
 from ps_fmu.results.page import cases
 from ps_fmu.results.page.cases import CaseColumn, CaseTable

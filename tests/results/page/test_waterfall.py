@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 from support.browser import DESKTOP, INSTALL, PHONE, find_browser
-from support.waterfalls import MODE_HZ, ORDER, TOP_RPM, make_waterfall
+from support.reports import MODE_HZ, ORDER, TOP_RPM, make_waterfall
 
 from ps_fmu.results.page.content import Exploration
 from ps_fmu.results.report import Report

@@ -1,22 +1,20 @@
 """The FMU that misbehaves, compiled and packed."""
 
-import shutil
 import subprocess
-import sys
 import zipfile
 from pathlib import Path
 
 from ps_fmu.native.build import find_fmi_headers
+from support.host import COMPILER
 
 HERE = Path(__file__).parent
 
 
 def compile_c(source: Path, library: Path, *others: str) -> Path:
     """A library of one source with the headers of FMI 2.0; ``others``: more for the linker."""
-    compiler = ["cc"] if shutil.which("cc") else [sys.executable, "-m", "ziglang", "cc"]
     flags = ["-std=c11", "-D_GNU_SOURCE", "-O1", "-fno-optimize-sibling-calls", "-fPIC", "-shared"]
     flags += ["-Wall", "-Wno-infinite-recursion", "-I", str(find_fmi_headers())]
-    subprocess.run([*compiler, *flags, str(source), "-o", str(library), *others, "-lm", "-lpthread"], check=True)
+    subprocess.run([*COMPILER, *flags, str(source), "-o", str(library), *others, "-lm", "-lpthread"], check=True)
     return library
 
 

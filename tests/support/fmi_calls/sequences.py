@@ -8,8 +8,7 @@ from typing import Any
 from hypothesis import strategies as st
 
 from ps_fmu.slavekit.author.buffer import BufferLayout
-from support.fmi_calls.session import INSTANCES
-from support.fmi_calls.states import Mutation, sealed
+from support.fmi_calls.session import INSTANCES, Mutation, sealed
 
 Step = tuple[str, tuple[Any, ...]]
 

@@ -5,9 +5,7 @@ Whatever such a system differs from its monolithic solution by, the coupling has
 
 from __future__ import annotations
 
-import shutil
 import subprocess
-import sys
 import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -19,6 +17,7 @@ import numpy as np
 from ps_fmu.cosim import Scheme, System, read_system
 from ps_fmu.native.build import find_fmi_headers
 from support.cosim import Collect, simulate
+from support.host import COMPILER
 
 HERE = Path(__file__).parent
 Array = np.ndarray
@@ -89,11 +88,10 @@ def build(
         f"static const double ENDS = {ends!r};\n"
         + "".join(f"static const double {key.upper()}[] = {{{text}}};\n" for key, text in lists.items())
     )
-    compiler = ["cc"] if shutil.which("cc") else [sys.executable, "-m", "ziglang", "cc"]
     library = folder / f"{name}.so"
     flags = ["-std=c99", "-O1", "-fPIC", "-shared", "-Wall", "-ffp-contract=off"]
     flags += ["-I", str(find_fmi_headers()), "-I", str(folder)]
-    subprocess.run([*compiler, *flags, str(HERE / "linear.c"), "-o", str(library), "-lm"], check=True)
+    subprocess.run([*COMPILER, *flags, str(HERE / "linear.c"), "-o", str(library), "-lm"], check=True)
     with zipfile.ZipFile(folder / f"{name}.fmu", "w") as archive:
         archive.writestr("modelDescription.xml", describe(name, part, interpolates, derives, states, fixed_step, kind))
         archive.write(library, f"binaries/linux64/{name}.so")

@@ -2,7 +2,7 @@
 
 It is run as a file, ``python -I guest.py LIBRARY PIPE MEMORY BYTES MASTER SPIN``, so that it imports little, and
 nothing else of the package: 30 ms instead of 300.  LIBRARY is ``isolation`` of
-:mod:`ps_fmu.native`, PIPE and MEMORY are descriptors.
+``ps_fmu.native``, PIPE and MEMORY are descriptors.
 
 A call in the pipe is the name of a function of FMI and its arguments without the instance, see :func:`pack`; the answer
 has what the call has left in each of them, None for a number.

@@ -11,13 +11,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...analyses.finding import Finding
-from ...analyses.result import AnalysisResult, paint_pictures
+from ...analyses.result import AnalysisResult, Finding, paint_pictures
 from ...analyses.table import AnalysisOptions
-from ...mechanism import workspace
 from ...mechanism.parameters import Array, load
 from ...results.style import ACTIVE, PASSIVE, REFERENCE
 from ...results.tables import Table
+from .. import workspace
 from ..published import ANGLES, make_finding
 
 if TYPE_CHECKING:

@@ -14,13 +14,12 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ...mechanism import workspace
 from ...mechanism.forward_kinematics import ForwardKinematicsError, forward_kinematics
-from ...mechanism.inverse_kinematics import inverse_kinematics
-from ...mechanism.kinematics import KinematicsError, division_of_labour, leg_rows, leg_vectors, platform_joints_B
+from ...mechanism.inverse_kinematics import inverse_kinematics, reachable
+from ...mechanism.kinematics import KinematicsError, leg_rows, leg_vectors, list_singularities, platform_joints_B
 from ...mechanism.parameters import Array, Geometry
-from ...mechanism.reachability import reachable
 from ...mechanism.rotations import GimbalLockError, orientation_rate_map
+from .. import workspace
 from ..figures.table2.closed_form import ORIENTATIONS
 from ..published import ANGLES
 from .fit import Identifiability, Range, follow, roundings, slopes, targets, values_at
@@ -68,7 +67,7 @@ def list_flaws(geometry: Geometry, condition: float) -> list[str]:
     ----------
     condition: see :func:`largest_condition`.
     """
-    reasons = list(division_of_labour(geometry, geometry.nominal_translation_B, np.eye(3)).reasons)
+    reasons = list_singularities(geometry, geometry.nominal_translation_B, np.eye(3))
     if condition > LARGEST_CONDITION:
         reasons.append(f"condition number {condition:.1f} in the workspace, at most {LARGEST_CONDITION:g}")
     if (gap := clearance(geometry)) < LEAST_CLEARANCE:

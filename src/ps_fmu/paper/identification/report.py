@@ -9,11 +9,11 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from ...analyses.result import AnalysisResult, paint_pictures, tabulate
-from ...mechanism import workspace
 from ...mechanism.parameters import Array, Geometry, Parameters, load
 from ...results.style import ACTIVE, PASSIVE, REFERENCE
 from ...results.tables import Table
 from ...theory.loop import loop_at
+from .. import workspace
 from ..figures.fig10.closed_form import BAND
 from ..figures.fig10.plots import break_jumps
 from ..figures.table2.closed_form import ORIENTATIONS

@@ -14,7 +14,7 @@ import tomlkit  # keeps comments and layout, which tomllib cannot write at all
 from tqdm import tqdm
 
 from ...cosim.ssp.writing import real_values_xml
-from ...interface.parameter_sets import differences
+from ...interface.start_values import differences
 from ...mechanism.parameters import PAPER, Array, Parameters, load
 from ...slavekit.pack.files import write_atomically
 from ..bus_cases import with_large_damping

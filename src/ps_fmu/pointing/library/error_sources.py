@@ -11,10 +11,9 @@ weights of :mod:`.indices` are exact.
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 from ..interpretation import Interpretation
 
@@ -61,10 +60,14 @@ NOTHING = Contribution(0.0, 0.0)
 
 
 @dataclass(frozen=True)
-class ErrorSource(ABC):
+class ErrorSource:
     """A source of error; units are those of its parameter."""
 
     parameter: EnsembleParameter
+
+    factors: ClassVar[Mapping[str, tuple[float, float]]] = {}
+    """The source's table, by index: the factor on the distribution of the parameter (ensemble), and that on its worst
+    case (temporal) or RMS (mixed)."""
 
     def contribution(self, index: str, interpretation: Interpretation | str) -> Contribution:
         """Mean and standard deviation of its part in APE, MPE, RPE, PDE or PRE; ``ValueError`` for other names."""
@@ -72,13 +75,10 @@ class ErrorSource(ABC):
             raise ValueError(f"index: expected one of {', '.join(INDICES)}, got {index!r}")
         return self._of(index, Interpretation(interpretation))
 
-    @abstractmethod
     def _of(self, index: str, interpretation: Interpretation) -> Contribution:
-        """The entry of the source's table."""
-
-    def _by_interpretation(self, interpretation: Interpretation, ensemble: float, other: float) -> Contribution:
-        """``ensemble`` times the distribution of the parameter, or ``other`` times its worst case or RMS."""
-        p = self.parameter
+        if index not in self.factors:
+            return NOTHING
+        p, (ensemble, other) = self.parameter, self.factors[index]
         if interpretation is Interpretation.ENSEMBLE:
             return Contribution(ensemble * p.mean, ensemble * p.std)
         return Contribution(0.0, other * (abs(p.worst) if interpretation is Interpretation.TEMPORAL else p.rms))
@@ -88,48 +88,42 @@ class ErrorSource(ABC):
 class Bias(ErrorSource):
     """Constant in an observation (Table B-2)."""
 
-    changes: bool = False  # whether it differs from observation to observation, which makes it a part of PRE
+    changes: bool = False
+    """Whether it differs from observation to observation, which makes it a part of PRE."""
 
     def _of(self, index: str, interpretation: Interpretation) -> Contribution:
-        p = self.parameter
+        p, temporal = self.parameter, interpretation is Interpretation.TEMPORAL
         if index in ("APE", "MPE"):
-            temporal = interpretation is Interpretation.TEMPORAL
             return Contribution(p.worst, 0.0) if temporal else Contribution(p.mean, p.std)
         if index == "PRE" and self.changes:
-            if interpretation is Interpretation.TEMPORAL:
+            if temporal:
                 raise ValueError("PRE of a bias, temporal: the table asks for its largest less its smallest value")
             return Contribution(0.0, math.sqrt(2.0) * p.std)
         return NOTHING
 
 
-@dataclass(frozen=True)
 class GaussianNoise(ErrorSource):
     """Random, fast against the windows, without mean (Table B-3); the parameter is its standard deviation over time."""
 
-    def _of(self, index: str, interpretation: Interpretation) -> Contribution:
-        return self._by_interpretation(interpretation, 3.0, 1.0) if index in ("APE", "RPE") else NOTHING
+    factors = dict.fromkeys(("APE", "RPE"), (3.0, 1.0))
 
 
-@dataclass(frozen=True)
 class FastSine(ErrorSource):
     """Sinusoidal, of a period much shorter than the windows (Table B-5); the parameter is its amplitude."""
 
-    def _of(self, index: str, interpretation: Interpretation) -> Contribution:
-        return self._by_interpretation(interpretation, 1.0, math.sqrt(0.5)) if index in ("APE", "RPE") else NOTHING
+    factors = dict.fromkeys(("APE", "RPE"), (1.0, math.sqrt(0.5)))
 
 
-@dataclass(frozen=True)
 class SlowSine(ErrorSource):
     """Sinusoidal, of a period much longer than the windows (Table B-6); the parameter is its amplitude.
 
     PDE and PRE are those of windows half a period apart, the worst case.
     """
 
-    def _of(self, index: str, interpretation: Interpretation) -> Contribution:
-        if index == "RPE":
-            return NOTHING
-        factor = 1.0 if index in ("APE", "MPE") else 2.0
-        return self._by_interpretation(interpretation, factor, factor * math.sqrt(0.5))
+    factors: ClassVar[Mapping[str, tuple[float, float]]] = {
+        **dict.fromkeys(("APE", "MPE"), (1.0, math.sqrt(0.5))),
+        **dict.fromkeys(("PDE", "PRE"), (2.0, 2.0 * math.sqrt(0.5))),
+    }
 
 
 def total(contributions: Iterable[Contribution], correlated: Iterable[Iterable[Contribution]] = ()) -> Contribution:

@@ -42,7 +42,7 @@ class Unreadable:
     """Stands for bytes that are no valid state.  Each instance refuses it, and gives the reason.
 
     pythonfmu's library has the class read bytes.  An exception from there would cost the bytes, and with
-    :func:`_escape_class` all other instances: none of them would ever be freed.
+    ``_escape_class`` all other instances: none of them would ever be freed.
     """
 
     why: str
@@ -135,7 +135,7 @@ def raise_compensated(slave: object, label: str, log_queue: list[Any], error: Ba
 
 
 def _escape_class(cls: Any, error: BaseException) -> None:
-    """As :func:`_escape`, where the instance is not known: this compensates for all instances that are alive.
+    """As ``_escape``, where the instance is not known: this compensates for all instances that are alive.
 
     After a fault here, the others are thus never freed.  Bytes that cannot be read are no such fault: see
     :class:`Unreadable`.
@@ -156,7 +156,7 @@ def _raise_reported(label: str, error: BaseException, more: str = "") -> NoRetur
 def protect(cls: Any, calls: Iterable[str], class_calls: Iterable[str]) -> None:
     """Put a border around the methods that the library calls, also around those that a subclass overrides.
 
-    Their exceptions go through :func:`_escape`, those of class methods through :func:`_escape_class`.
+    Their exceptions go through ``_escape``, those of class methods through ``_escape_class``.
     """
     for names, escape in ((calls, _escape), (class_calls, _escape_class)):
         for name in names:

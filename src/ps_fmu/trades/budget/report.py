@@ -19,8 +19,16 @@ from ...results.report import Picture
 from ...results.style import ACTIVE, PASSIVE, REFERENCE
 from ...results.tables import Table
 from ...runs.built_fmus import provide_fmus
-from .results import CASES, Entry, compute_budgets, describe_band, list_wanted, read_factors, read_with_parameters
-from .sources import POINTS
+from .results import (
+    CASES,
+    POINTS,
+    Entry,
+    compute_budgets,
+    describe_band,
+    list_wanted,
+    read_factors,
+    read_with_parameters,
+)
 from .system_model import STEP
 
 if TYPE_CHECKING:

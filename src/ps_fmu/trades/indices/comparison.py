@@ -15,7 +15,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ...cosim import Master, System, Value
+from ...cosim import System, Value
 from ...disturbance import psd_at_origin
 from ...disturbance.spectrum import gaussian_density
 from ...mechanism.parameters import Array, Parameters, load
@@ -33,6 +33,7 @@ from ...pointing import (
     windows_rms,
 )
 from ...results.observers.sampler import SampleObserver
+from ...runs.runner import compute
 from ...theory.loop import loop_at
 from ...theory.sampled import SteppedLoop, step_loop
 from ...theory.transfer_matrices import place_frequencies
@@ -166,10 +167,10 @@ def record(system: System, case: Case, duration: float, seed: int, values: Mappi
     targets = {f"commander.target.{axis}": angle for axis, angle in zip(("roll", "pitch", "yaw"), angles, strict=True)}
     given = {"disturbance.seed": seed, "isolator.enabled": active, **targets, **(values or {})}
     rows = round(SETTLING / STEP) + STRIDE * np.arange(round(duration / (STRIDE * STEP)))
-    with Master(system.with_parameters(given), STEP, only=SIGNALS) as master:
-        master.initialise()
-        samples = SampleObserver(master.columns, SIGNALS, rows.tolist())
-        master.run(round((SETTLING + duration) / STEP) * STEP, [samples])
+    samples = compute(
+        system.with_parameters(given), STEP, round((SETTLING + duration) / STEP) * STEP,
+        lambda columns: SampleObserver(columns, SIGNALS, rows.tolist()), only=SIGNALS,
+    )  # fmt: skip
     return samples.values(*SIGNALS)
 
 

@@ -15,8 +15,22 @@ from ...mechanism.parameters import Array
 from ...product.files import find_product
 from ...results.style import ACTIVE, PASSIVE, REFERENCE
 from ...results.tables import Table
-from .measured import BIAS_CORNER, MEASURED_CORNERS, BiasAnswer, Point, measure_bias, measure_points
-from .results import CLASSES, CORNERS, CROSSOVERS, DENSITIES, MICRO_G, Trade, compute_trade, needed_density
+from .results import (
+    BIAS_CORNER,
+    CLASSES,
+    CORNERS,
+    CROSSOVERS,
+    DENSITIES,
+    MEASURED_CORNERS,
+    MICRO_G,
+    BiasAnswer,
+    Point,
+    Trade,
+    compute_trade,
+    measure_bias,
+    measure_points,
+    needed_density,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ....analyses.finding import Finding
-from ....analyses.result import AnalysisResult, paint_pictures, tabulate
+from ....analyses.result import AnalysisResult, Finding, paint_pictures, tabulate
 from ....analyses.table import AnalysisOptions
 from ....control.commander import DEFAULT_ALGORITHM_1
 from ....mechanism.parameters import Array

@@ -22,10 +22,8 @@ from numpy.typing import NDArray
 from ....control.commander import DEFAULT_ALGORITHM_1
 from ....cosim import Value
 from ....mechanism.forward_kinematics import forward_kinematics
-from ....mechanism.inverse_kinematics import Solver, inverse_kinematics, trilaterate
+from ....mechanism.inverse_kinematics import Solver, inverse_kinematics, reachable, trilaterate
 from ....mechanism.parameters import Array, Geometry, load
-from ....mechanism.reachability import reachable
-from ....mechanism.workspace import reach_along
 from ....runs.cases import Case, Outcome, run_case
 from ....runs.options import OptionError, RunOptions
 from ....runs.run import Run
@@ -33,6 +31,7 @@ from ....runs.setup import RunSystem
 from ....scenarios.comparison import TARGET
 from ....scenarios.jitter_record import ORIENTATION, REACHABLE
 from ...cosimulation import SampleRecord
+from ...workspace import reach_along
 
 PLANES = {"roll-pitch": (0, 1), "roll-yaw": (0, 2), "pitch-yaw": (1, 2)}
 _MARGIN = 0.98  # of the way to the end of a stroke
@@ -199,7 +198,7 @@ def paths(rate: float, options: RunOptions) -> dict[str, tuple[Array, int]]:
     """Targets of each path, (n, 3), rad, and the steps at each; ``rate`` of the coarse legs, m/s."""
     geometry = load().manipulator.geometry
     makers: dict[str, Callable[[int], Array]] = {plane: partial(quadrilateral, geometry, plane) for plane in PLANES}
-    makers[WALK] = lambda count: random_walk(geometry, count, options.seed)
+    makers[WALK] = lambda count: random_walk(geometry, count, options.seed or 0)
     return {path: _fit_targets(path, make, rate, options) for path, make in makers.items()}
 
 

@@ -17,8 +17,7 @@ from ....theory.small_gain import largest_singular_value, nominal_loop_poles
 from ....theory.transfer_matrices import Complex, place_frequencies
 from ...bus_cases import COLOURS, assemble_nominal, load_case, small_gain_curves
 from .closed_form import LoopVerdict
-from .open_loop import OpenLoop
-from .pulse import PulseResponse, compare_by_name
+from .runs import OpenLoop, PulseResponse, compare_by_name
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

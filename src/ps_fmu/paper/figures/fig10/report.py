@@ -8,8 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from tqdm import tqdm
 
-from ....analyses.finding import Finding
-from ....analyses.result import AnalysisResult, paint_pictures, tabulate
+from ....analyses.result import AnalysisResult, Finding, paint_pictures, tabulate
 from ....analyses.table import AnalysisOptions
 from ....results.figures import draw_exploration
 from ....results.tables import Table, format_number
@@ -25,8 +24,16 @@ from ...cosimulation import hold_run
 from ...published import make_finding
 from . import plots
 from .closed_form import BAND, LONGEST, WIDE, LoopVerdict, judge, least_gain_ratio_db
-from .open_loop import SHAKING, OpenLoop, measure_open_loops
-from .pulse import PulseResponse, list_cases, load_shaken_system, measure, paper_delay_s
+from .runs import (
+    SHAKING,
+    OpenLoop,
+    PulseResponse,
+    list_cases,
+    load_shaken_system,
+    measure,
+    measure_open_loops,
+    paper_delay_s,
+)
 
 __all__ = ["analyse", "find", "list_cases"]
 

@@ -9,10 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ....analyses.finding import Finding
-from ....analyses.result import AnalysisResult, paint_pictures, tabulate
+from ....analyses.result import AnalysisResult, Finding, paint_pictures, tabulate
 from ....analyses.table import AnalysisOptions
-from ....interface.parameter_sets import list_departures
+from ....interface.start_values import list_departures
 from ....mechanism.parameters import Array, load
 from ....results.figures import draw_table
 from ....results.report import Picture

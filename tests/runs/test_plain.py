@@ -1,8 +1,10 @@
 """``ps-fmu run SYSTEM.ssp|.ssd|.xml|FMU``: any system, its files and exit codes."""
 
 import json
+import re
 import shutil
 import zipfile
+from pathlib import Path
 
 import netCDF4
 import numpy as np
@@ -11,12 +13,13 @@ from pythonfmu.builder import FmuBuilder
 from support.linear import make_oscillator
 from support.relays import description, port, relay, system, wire
 
-from ps_fmu import system_command
 from ps_fmu.cli import main
 from ps_fmu.cosim import Master
+from ps_fmu.disturbance.recording import HEADER
+from ps_fmu.runs.options import OptionError, choose_run
 from ps_fmu.runs.output import hold_folder
 
-TOYS = system_command.Path(__file__).parents[1] / "cosim" / "toys"
+TOYS = Path(__file__).parents[1] / "cosim" / "toys"
 NAME = "caf\u00e9/\u0394v"
 EXPERIMENT = '<ssd:DefaultExperiment startTime="1" stopTime="2.05"/>'
 
@@ -157,7 +160,7 @@ def test_a_loop_and_its_error(tmp_path, capsys):
         (["--step", "0"], "expected a time above 0 s"),
         (["--step", "0.1", "--observe", "none*"], "--observe: no output matches 'none*'"),
         (["--step", "0.1", "--input", "none.csv"], "--input: there is no file none.csv"),
-        (["--step", "1e-12"], "more than 1e+10 steps"),
+        (["--step", "1e-12"], "1e+10 steps of 1e-12 s"),
         (["--step", "0.1", "--rate", "none=2"], "there is no component 'none'"),
         (["--step", "0.1", "--rate", "none"], "--rate: expected COMPONENT=N or COMPONENT=1/N, got 'none'"),
         (["--step", "0.1", "--rate", "a=2", "--rate", "a=1/2"], "--rate: a has two of them"),
@@ -166,19 +169,9 @@ def test_a_loop_and_its_error(tmp_path, capsys):
     ],
 )
 def test_options_that_cannot_be_honoured(archive, tmp_path, capsys, options, reason):
-    with pytest.raises(SystemExit) as caught:
-        system_command.run(*parse(archive, *options, "--output", tmp_path / "out"))
-    assert caught.value.code == 2
+    assert run(archive, *options, "--output", tmp_path / "out") == 2
     assert reason in capsys.readouterr().err
     assert not (tmp_path / "out" / "results.nc").exists()
-
-
-def parse(*arguments):
-    import argparse
-
-    parser = argparse.ArgumentParser(prog="ps-fmu run")
-    system_command.add_arguments(parser)
-    return parser.parse_args([*map(str, arguments)]), parser
 
 
 def test_a_missing_system(tmp_path, capsys):
@@ -207,7 +200,7 @@ def test_a_run_that_fails_keeps_its_rows(failing, tmp_path, capsys):
     out = tmp_path / "out"
     assert run(failing("nan"), "--step", "0.01", "--duration", "1", "--output", out) == 1
     error = capsys.readouterr().err
-    assert "f: not a finite number at t = 0.06 s" in error
+    assert "f: not a finite number at t = 0.06 s" in error and "stopped at t = 0.06 s" in error
     assert f"results so far: {out / 'results.nc'}" in error
     assert len(read(out)["time"]) == 6
 
@@ -236,9 +229,8 @@ def test_a_system_that_cannot_be_read(archive, tmp_path, capsys):
 
 def test_a_folder_in_use(archive, tmp_path, capsys):
     (tmp_path / "out").mkdir()
-    with hold_folder(tmp_path / "out"), pytest.raises(SystemExit) as caught:
-        system_command.run(*parse(archive, "--step", "0.1", "--output", tmp_path / "out"))
-    assert caught.value.code == 2
+    with hold_folder(tmp_path / "out"):
+        assert run(archive, "--step", "0.1", "--output", tmp_path / "out") == 2
     assert "another run is writing" in capsys.readouterr().err
 
 
@@ -328,18 +320,56 @@ def test_a_parameter_with_a_misspelt_component(fmus, tmp_path, capsys):
     assert "set.ssv, line 2): ToyMass.fmu has no such variable; did you mean ToyMass.mass" in capsys.readouterr().err
 
 
+def test_a_name_is_a_scenario_first_then_a_file(tmp_path, monkeypatch):
+    """A file of a scenario's name is ./slew."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("slew", "a.ssd", "b.FMU"):
+        (tmp_path / name).touch()
+    found = [choose_run(what) for what in ("slew", "a.ssd", "b.FMU")]
+    assert [scenario.name for scenario, _ in found] == ["slew", "plain", "plain"]
+    assert choose_run("isolation", Path("a.ssd"))[1] == choose_run("plain", Path("a.ssd"))[1] == Path("a.ssd")
+    for what, other, reason in (
+        ("slow", None, "there is no scenario 'slow'; did you mean slew"),
+        ("./slew", None, "slew is another file"),
+        ("a.ssd", Path("a.ssd"), "--system: is for a scenario"),
+        ("plain", None, "runs a system that is named"),
+    ):
+        with pytest.raises(OptionError, match=reason):
+            choose_run(what, other)
+
+
+def test_what_any_system_gets_of_a_run(built_fmus, tmp_path, capsys):
+    """Requirements, indices, a seed, where it comes from: as a scenario has them."""
+    (tmp_path / "own.toml").write_text(
+        "[[requirement]]\nname = 'strict'\ncase = 'run'\nsignal = 'plant.los'\ncombine = 'norm'\nindex = 'APE'\n"
+        "statistic = 'rms'\nconfidence = 0.9\nlimit = '1e-9 um'\n"
+    )
+    words = "SystemStructure.ssd", "--duration", "0.02", "--step", "1e-3", "--no-figures", "--seed", "3"
+    out = tmp_path / "out"
+    assert run(*words, "--requirements", tmp_path / "own.toml", "--output", out) == 1
+    assert "all results are written" in capsys.readouterr().err
+    summary = json.loads((out / "summary.json").read_text())
+    assert (summary["seed"], summary["verdicts"][0]["met"]) == (3, False)
+    assert summary["indices"]["run"]["plant.los.x"]["APE"]["values"] > 0
+    assert (out / "report.html").is_file()
+    with netCDF4.Dataset(out / "results.nc") as file:
+        assert "ps-fmu run SystemStructure.ssd --duration 0.02" in file.history
+        assert "plant.payload.mass" in file["parameters"]["parameter"][:]
+
+
 @pytest.mark.parametrize(
-    ("arguments", "meant"),
+    ("options", "reason"),
     [
-        (["a.ssp"], True), (["--step", "1", "b.FMU"], True), (["c.ssd", "--help"], True), (["isolation"], False),
-        (["isolation", "--ssp", "a.ssp"], False), (["some/where"], True), (["--system", "a.ssd"], False), ([], False),
-        (["isolation", "--output", "out.fmu"], False), (["isolation", "--output=out.fmu"], False),
-        (["--output=out.fmu", "a.ssp"], True), (["--output", "out.fmu", "--profile", "a.ssp"], True),
-        (["--isolate", "a.fmu"], True), (["--isolate-only", "a.fmu"], False), (["--no-fig", "a.fmu"], True),
+        (["--apart", "a"], "--apart: is for scenarios"),
+        (["--seed", "3"], "--seed: .* has no disturbance source"),
+        (["--disturbance", "in.csv"], "--disturbance: .* has no disturbance source"),
     ],
-)  # fmt: skip
-def test_which_run_is_meant(arguments, meant):
-    assert system_command.is_meant(arguments) is meant
+)
+def test_what_only_systems_of_ps_fmu_have(archive, tmp_path, monkeypatch, capsys, options, reason):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "in.csv").write_text("\n".join([",".join(HEADER), "0" + ",0" * 6, "9" + ",0" * 6]))
+    assert run(archive, "--step", "0.1", *options) == 2
+    assert re.search(reason, capsys.readouterr().err)
 
 
 def test_a_system_of_ps_fmu_finds_its_fmus_from_any_folder(built_fmus, tmp_path, monkeypatch, capsys):
@@ -391,6 +421,24 @@ def test_a_plot_of_an_earlier_run_does_not_stay(archive, tmp_path, capsys):
 
 
 def test_a_refused_run_leaves_no_empty_folder(archive, tmp_path, capsys):
-    with pytest.raises(SystemExit):
-        system_command.run(*parse(archive, "--step", "0.1", "--observe", "none*", "--output", tmp_path / "a" / "b"))
+    assert run(archive, "--step", "0.1", "--observe", "none*", "--output", tmp_path / "a" / "b") == 2
     assert not (tmp_path / "a").exists()
+
+
+def test_an_fmu_without_outputs_leaves_its_times(tmp_path):
+    script = tmp_path / "quiet.py"
+    script.write_text(
+        "from pythonfmu import Fmi2Causality, Fmi2Slave, Real\n"
+        "class Quiet(Fmi2Slave):\n"
+        "    def __init__(self, **given):\n"
+        "        super().__init__(**given)\n"
+        "        self.u = 0.0\n"
+        "        self.register_variable(Real('u', causality=Fmi2Causality.input))\n"
+        "    def do_step(self, t, h):\n"
+        "        return True\n"
+    )
+    fmu, out = FmuBuilder.build_FMU(script, dest=tmp_path), tmp_path / "out"
+    assert main(["run", str(fmu), "--step", "0.125", "--duration", "1", "--no-figures", "--output", str(out)]) == 0
+    with netCDF4.Dataset(out / "results.nc") as file:
+        assert list(file["run"].variables) == ["time"]
+        np.testing.assert_array_equal(file["run/time"][:], np.arange(9) * 0.125)

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 
-from ps_fmu.mechanism.inverse_kinematics import inverse_kinematics
+from ps_fmu.mechanism.inverse_kinematics import inverse_kinematics, reachable, stroke_margin
 from ps_fmu.mechanism.parameters import load
-from ps_fmu.mechanism.reachability import reachable, stroke_margin
 from ps_fmu.mechanism.rotations import rotation_from_vector
-from ps_fmu.mechanism.workspace import (
+from ps_fmu.paper.published import published_numbers
+from ps_fmu.paper.workspace import (
     cone,
     grid,
     largest_cube,
@@ -22,7 +22,6 @@ from ps_fmu.mechanism.workspace import (
     smallest_tilt,
     surface,
 )
-from ps_fmu.paper.published import published_numbers
 
 GEOMETRY = load().manipulator.geometry
 

@@ -1,8 +1,10 @@
-"""``--profile``: where the time of each run goes, as a table and as the entry ``costs`` of summary.json."""
+"""What is noted during a run: its warnings, and with ``--profile`` where its time goes."""
 
 from __future__ import annotations
 
+import logging
 import math
+import sys
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -15,6 +17,44 @@ from ..cosim import Observer
 from ..cosim.recording.delivery import EarlyObserver
 from ..cosim.stopwatch import EXCHANGE, StepCosts, Stopwatch
 from ..results.tables import Table
+
+
+class WarningLog:
+    """Warnings in the order in which they came, each text once; ``shown`` on the error stream, too.
+
+    ``texts``: those that have been shown before.
+    """
+
+    def __init__(self, texts: Iterable[str] = (), *, shown: bool = True) -> None:
+        self._shown = shown
+        self._texts = dict.fromkeys(texts)
+
+    @property
+    def texts(self) -> tuple[str, ...]:
+        """All warnings so far."""
+        return tuple(self._texts)
+
+    def add(self, text: str) -> None:
+        """Keep a warning and show it above a progress bar; nothing if it is known already."""
+        from tqdm import tqdm
+
+        if text not in self._texts:
+            self._texts[text] = None
+            if self._shown:
+                tqdm.write(text, file=sys.stderr)
+
+    @contextmanager
+    def collect(self) -> Iterator[None]:
+        """Add what the co-simulation logs as a warning during the body."""
+        handler = logging.Handler(logging.WARNING)
+        handler.emit = lambda record: self.add(record.getMessage())  # type: ignore[method-assign]
+        logger = logging.getLogger("ps_fmu.cosim")
+        logger.addHandler(handler)
+        try:
+            yield
+        finally:
+            logger.removeHandler(handler)
+
 
 Array = NDArray[np.float64]
 

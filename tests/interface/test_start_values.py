@@ -1,4 +1,4 @@
-"""Start values of all FMUs of a system from the file of one instrument: `ps-fmu parameters`."""
+"""Start values from parameter sets and instruments, and back; files of instruments against the FMUs."""
 
 import xml.etree.ElementTree as ET
 from dataclasses import replace
@@ -6,20 +6,30 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fmpy import read_model_description
 from fmpy.ssp.ssd import validate_tree
 from lxml import etree
 from support.models import COMPONENTS, FMUS, MODELS
 
 from ps_fmu.cli import main
-from ps_fmu.cosim import Master, read_parameters, read_system
+from ps_fmu.cosim import Master, System, read_parameters, read_system
 from ps_fmu.cosim.description import index_variables, read_descriptions, read_start
+from ps_fmu.cosim.ssp.writing import real_values_xml
+from ps_fmu.cosim.structure import Component
 from ps_fmu.interface.agreement import APART
-from ps_fmu.interface.parameter_sets import differences, fit_modes
-from ps_fmu.interface.physics import BuildError, find_physics, import_slave
-from ps_fmu.interface.system_values import make_start_values
+from ps_fmu.interface.instrument_file import BuildError, find_physics, import_slave
+from ps_fmu.interface.start_values import (
+    build_plant_and_isolator,
+    differences,
+    fit_modes,
+    list_departures,
+    make_start_values,
+    start_values,
+)
 from ps_fmu.mechanism.instrument import Instrument, read_instrument
 from ps_fmu.mechanism.parameters import PAPER, load
 from ps_fmu.mechanism.quantities import ParameterError, list_entries
+from ps_fmu.theory.loop import loop_at, loop_of
 
 SYSTEM = Path(__file__).parents[2] / "system"
 EXAMPLE = SYSTEM / "parameters" / "small_satellite.toml"
@@ -226,3 +236,57 @@ def test_what_can_be_set_is_listed(built_fmus, capsys):
     assert ["plant.payload.mass", "14.89", "kg", "Mass of payload and platform, truss included"] in lines
     assert {line[0].partition(".")[0] for line in lines} == set(COMPONENTS)
     assert main(["parameters", "--list", "a.toml"]) == main(["parameters", "a.toml"]) == 2
+
+
+def test_start_values_of_the_paper_are_those_of_the_fmus(built_fmus):
+    descriptions = {name: read_model_description(built_fmus / f"{fmu}.fmu") for name, fmu in COMPONENTS.items()}
+    starts = {
+        f"{component}.{variable.name}": variable.start
+        for component, description in descriptions.items()
+        for variable in description.modelVariables
+        if variable.causality == "parameter"
+    }
+    for name, value in start_values(load()).items():
+        assert float(starts[name]) == value if isinstance(value, float) else starts[name] == str(value).lower(), name
+
+
+def test_the_way_back(tmp_path):
+    """Plant and isolator of the start values of another set are those of the set; nothing else is told apart."""
+    p = load()
+    legs = tuple(replace(leg, stiffness=1.3 * leg.stiffness) for leg in p.manipulator.fine_legs)
+    other = replace(
+        p,
+        manipulator=replace(p.manipulator, fine_legs=legs),
+        payload=replace(p.payload, mass=1.1 * p.payload.mass),
+        filters=replace(p.filters, lowpass_order=7),
+        known_com_P=p.payload.com_P,
+    )
+    system = System(
+        tmp_path, tuple(Component(name, tmp_path, (), {}, 0) for name in COMPONENTS), ()
+    ).with_parameters(differences(other))
+    found = loop_of(*build_plant_and_isolator(system), (0.1, 0.0, 0.0), 0.02)
+    expected = loop_at(other, (0.1, 0.0, 0.0), 0.02)
+    s = 2j * np.pi * np.array([1.0, 5.0, 50.0])
+    np.testing.assert_array_equal(found.transfer(s), expected.transfer(s))
+    assert not np.allclose(found.transfer(s), loop_at(p, (0.1, 0.0, 0.0), 0.02).transfer(s))
+
+
+def test_what_is_not_of_the_paper():
+    given = start_values(load()) | {"commander.target.roll": 0.1, "isolator.enabled": False, "isolator.delay": 0.0}
+    assert list_departures(given) == []
+    assert list_departures(given | {"isolator.delay": 0.02, "plant.payload.mass": 1.0}) == [
+        "plant.payload.mass",
+        "isolator.delay",
+    ]
+
+
+def test_only_what_differs_is_said_and_read_back(tmp_path):
+    p = load()
+    assert differences(p) == {}
+    other = replace(p, payload=replace(p.payload, com_P=p.payload.com_P + np.array([0.0, 1e-3, 0.0])))  # m
+    assert differences(other) == {"plant.payload.com.y": p.payload.com_P[1] + 1e-3}
+    told = replace(p, known_com_P=np.array([0.1, p.known_com_P[1], p.known_com_P[2]]))
+    assert differences(told) == {"isolator.payload.com.x": 0.1}
+    path = tmp_path / "other.ssv"
+    path.write_bytes(real_values_xml(differences(other) | differences(told)))
+    assert dict(read_parameters(path)) == differences(other) | differences(told)

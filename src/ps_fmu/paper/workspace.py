@@ -13,13 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .forward_kinematics import ForwardPose, forward_kinematics
-from .geometry import Geometry
-from .inverse_kinematics import inverse_kinematics
-from .kinematics import condition_number, platform_jacobian
-from .quantities import Array
-from .reachability import reachable
-from .rotations import roll_pitch_yaw, rotation_from_vector
+from ..mechanism.forward_kinematics import ForwardPose, forward_kinematics
+from ..mechanism.inverse_kinematics import inverse_kinematics, reachable
+from ..mechanism.kinematics import Geometry, condition_number, platform_jacobian
+from ..mechanism.quantities import Array
+from ..mechanism.rotations import roll_pitch_yaw, rotation_from_vector
 
 STEP = 2e-3  # m, of the paper
 _SCAN = 60  # points of a ray, before bisection
@@ -38,7 +36,7 @@ class Sample:
     singular_values: Array
     """(n, 6), of J_lp with rotations as arc at the platform joints, largest first; without unit."""
     condition: Array
-    """(n,), condition number of J_lp, see :func:`.kinematics.condition_number`."""
+    """(n,), condition number of J_lp, see :func:`..mechanism.kinematics.condition_number`."""
 
 
 def limits(sample: Sample) -> Array:

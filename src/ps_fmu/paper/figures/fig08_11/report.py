@@ -6,8 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ....analyses.finding import Finding
-from ....analyses.result import AnalysisResult, paint_pictures, tabulate
+from ....analyses.result import AnalysisResult, Finding, paint_pictures, tabulate
 from ....analyses.table import AnalysisOptions
 from ....mechanism.parameters import Array, load
 from ....results.tables import Table, format_angles
