@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ps_fmu.reduction.moments import LogarithmicBins, Polygon, Totals, find_moments, weigh_hann, widen_bins
+from ps_fmu.reduction.moments import LogarithmicBins, Totals, find_moments, weigh_hann, widen_bins
 
 SAMPLES = 1e6 + np.random.default_rng(8).standard_normal((3, 700))
 
@@ -67,18 +67,6 @@ def test_weights_of_a_hann_window(count):
 
 def test_a_hann_window_is_zero_between_the_halves():
     np.testing.assert_allclose(weigh_hann(np.array([0.0, 0.25, 0.5, 1.0, 1.5, 2.0])), [0, 1, 2, 0, 2, 0], atol=1e-15)
-
-
-@pytest.mark.parametrize("edges", [3, 16, 40])
-@pytest.mark.parametrize("count", [0, 1, 31, 32, 33, 700])
-def test_points_outside_of_a_polygon(count, edges):
-    points = np.random.default_rng(count).uniform(-2.0, 2.0, (2, count))
-    centre, angles = np.array([0.3, -0.2]), 2.0 * np.pi * np.arange(edges) / edges
-    normals = np.stack([0.8 * np.cos(angles), 0.5 * np.sin(angles)], axis=1)
-    heights = (normals @ (points - centre[:, None])).max(axis=0)
-    assert np.abs(heights - 1.0).min(initial=1.0) > 1e-9  # no point is on it, to rounding
-    for laid in (points, np.asfortranarray(points)):
-        np.testing.assert_array_equal(Polygon(centre, normals).find_outside(laid), np.flatnonzero(heights > 1.0))
 
 
 BINS = LogarithmicBins(-3, 2, 2000)

@@ -32,7 +32,6 @@ _FUNCTIONS = {
     "widen_bins": (None, "pnnpp"),
     "add_values": (None, "pnxppp"),
     "weigh_hann": (None, "pnp"),
-    "find_points_outside": (c_int64, "ppnpnp"),
 }
 """What each function returns and takes: p an address, n a whole number, x a double."""
 

@@ -73,31 +73,6 @@ def weigh_hann(phases: Array) -> Array:
     return weights
 
 
-class Polygon:
-    """Inside is ``normals @ (point - centre) <= 1``, for all normals.
-
-    Parameters
-    ----------
-    centre: (2,)
-    normals: (k, 2), each divided by the distance of its edge from the centre
-    """
-
-    def __init__(self, centre: Array, normals: Array) -> None:
-        self._edges = np.ascontiguousarray(np.concatenate((centre[None], normals)), dtype=np.float64)
-
-    def find_outside(self, points: Array) -> NDArray[np.int64]:
-        """Places of those of the points (2, n), finite, that lie outside; copied unless x, and y, are contiguous.
-
-        A point takes 2 ns with 16 edges.
-        """
-        points = _lay_side_by_side(points)
-        places = np.empty(points.shape[1], dtype=np.int64)
-        edges = get_address(self._edges), len(self._edges) - 1
-        rows = get_address(points[0]), get_address(points[1])
-        count: int = find_library().find_points_outside(*rows, points.shape[1], *edges, get_address(places))
-        return places[:count]
-
-
 def _lay_side_by_side(rows: Array) -> Array:
     """Doubles (k, n), those of each row contiguous: as they are, or a copy."""
     if rows.dtype == np.float64 and rows.strides[1] == 8 and rows.strides[0] % 8 == 0:

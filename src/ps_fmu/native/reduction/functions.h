@@ -23,5 +23,5 @@ enum { LANES = 32, CHUNK = 512 };
 #include "moments.h"
 
 const Functions FUNCTIONS = {
-    filter_rows, find_peak, complete_rows, add_values, find_moments, widen_bins, weigh_hann, find_points_outside,
+    filter_rows, find_peak, complete_rows, add_values, find_moments, widen_bins, weigh_hann,
 };

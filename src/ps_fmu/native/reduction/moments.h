@@ -78,34 +78,6 @@ INSTRUCTIONS static void weigh_hann(const double *phases, int64_t n, double *wei
     }
 }
 
-/* The places of those of n points that lie outside of a polygon, into `places` (n); how many there are is returned.
-   `edges`: x and y of a point inside, then those of `count` normals; inside is a x + b y <= 1 from there, for all. */
-INSTRUCTIONS static int64_t find_points_outside(
-    const double *x, const double *y, int64_t n, const double *edges, int64_t count, int64_t *places)
-{
-    int64_t found = 0;
-    for (int64_t first = 0; first < n; first += LANES) {
-        double from_x[LANES] = {0.0}, from_y[LANES] = {0.0}, heights[LANES] = {0.0}, largest = 0.0;
-        const int64_t some = n - first < LANES ? n - first : LANES;
-        for (int64_t k = 0; k < some; k++) {
-            from_x[k] = x[first + k] - edges[0];
-            from_y[k] = y[first + k] - edges[1];
-        }
-        for (const double *edge = edges + 2; edge < edges + 2 + 2 * count; edge += 2)
-            for (int k = 0; k < LANES; k++) {
-                const double height = edge[0] * from_x[k] + edge[1] * from_y[k];
-                heights[k] = height > heights[k] ? height : heights[k];
-            }
-        for (int k = 0; k < LANES; k++)
-            largest = heights[k] > largest ? heights[k] : largest;
-        if (largest > 1.0) /* seldom */
-            for (int k = 0; k < some; k++)
-                if (heights[k] > 1.0)
-                    places[found++] = first + k;
-    }
-    return found;
-}
-
 /* Each pair of n values becomes one; not in place, or else vectors could not do it. */
 INLINE void join_pairs(
     const double *restrict from_low, const double *restrict from_high, int64_t n, double *restrict low,

@@ -71,12 +71,6 @@ EXPORT void weigh_hann(const double *phases, int64_t n, double *weights)
     best->weigh_hann(phases, n, weights);
 }
 
-EXPORT int64_t find_points_outside(
-    const double *x, const double *y, int64_t n, const double *edges, int64_t count, int64_t *places)
-{
-    return best->find_points_outside(x, y, n, edges, count, places);
-}
-
 /* `count` rows into `result` (count, columns), from `rows`: at least (count - 1) m + length of them. */
 EXPORT void filter_rows(const Lowpass *filter, const double *rows, int64_t count, double *result)
 {

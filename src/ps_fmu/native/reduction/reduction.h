@@ -39,8 +39,6 @@ typedef struct {
     void (*find_moments)(const double *values, int64_t n, Moments *found);
     void (*widen_bins)(const double *values, int64_t bins, int64_t width, double *low, double *high);
     void (*weigh_hann)(const double *phases, int64_t n, double *weights);
-    int64_t (*find_points_outside)(
-        const double *x, const double *y, int64_t n, const double *edges, int64_t count, int64_t *places);
 } Functions;
 
 extern const Functions functions_sse2, functions_avx2, functions_avx512;
