@@ -124,7 +124,7 @@ def test_a_case_again_has_the_same_bits(plan, tmp_path):
     RowStore(options.output, prepared.identity.plan_sha256).add(rows)
     assert "all numbers are those of the study, to the last bit" in rerun(options, 1)
     summary = json.loads((options.output / "case-1" / "summary.json").read_text())
-    assert summary["parameters"]["faults.push.value"] == 40.0
+    assert summary["values"]["faults.push.value"] == 40.0
 
 
 def test_faults_are_varied_from_a_settled_state(plan, stateful, tmp_path):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
 import shlex
@@ -14,17 +13,13 @@ from pathlib import Path
 
 from ..cosim.faults.numbers import change_numbers
 from ..requirements.requirement import read_requirements
-from ..requirements.verdict import format_verdicts
-from ..results.report import Report
 from ..results.style import prepare_drawing
-from ..results.summary import plain, versions
 from ..results.tables import Table
 from ..runs.cases import Case, run_case
-from ..runs.options import REPORT, RESULTS, SUMMARY, claim_folder
+from ..runs.options import RESULTS, claim_folder
 from ..runs.output import hold_folder, lock_folder
-from ..runs.publish import show_verdict
-from ..runs.setup import RunSystem, identify_fmus
-from ..slavekit.pack.files import write_atomically
+from ..runs.publish import Findings, publish
+from ..runs.setup import RunSystem
 from .bundle import Bundle, Identity, explain_difference, read_identity
 from .case_runner import describe_verdicts
 from .factors import names_faults, split_values
@@ -254,7 +249,7 @@ def rerun(options: SweepOptions, case: int) -> str:
     folder.mkdir(parents=True, exist_ok=True)
     with hold_folder(folder):
         row, text = _run(options, prepared, case, folder)
-    return f"{text}\n{compare_rows(row, stored)}\nresults in {folder}"
+    return f"{text}\n{compare_rows(row, stored)}"
 
 
 def compare_rows(row: Row, stored: Row | None) -> str:
@@ -286,10 +281,10 @@ def _run(options: SweepOptions, prepared: Prepared, case: int, folder: Path) -> 
     starts, numbers = split_values(values, system.descriptions)
     if system.faults is not None:
         system = replace(system, faults=change_numbers(system.faults, numbers))
-    row: Row = {"case": case, "status": "done", "error": None}
-    tables = []
+    row: Row = {"case": case, "status": DONE, "error": None}
+    tables, outcomes = [], []
     for run, own in study.runs.items():
-        _, record = run_case(
+        outcome, record = run_case(
             system, run_options, Case(run, {**starts, **own}),
             lambda columns: CaseRecord(study.observed, columns, study.step_s),
         )
@@ -297,27 +292,19 @@ def _run(options: SweepOptions, prepared: Prepared, case: int, folder: Path) -> 
         row |= {f"{run}.{key}": value for key, value in metrics.items()}
         rows = [(key, f"{value:.6g}") for key, value in metrics.items()]
         tables.append(Table(f"Run {run}", ("metric", "value"), rows))
-    verdicts = system.judge.conclude()
+        outcomes.append(outcome)
     row |= describe_verdicts(system.judge)
-    parameters = {"study": str(study.path), "case": case, "duration (s)": study.duration_s, "step (s)": study.step_s,
-                  **values}  # fmt: skip
-    fmus = identify_fmus(system)
-    summary = {"study": study.name, "plan_sha256": prepared.identity.plan_sha256, "row": row, "parameters": parameters,
-               "verdicts": [verdict.as_dict() for verdict in verdicts], "warnings": system.warnings.texts,
-               "fmus": [vars(fmu) for fmu in fmus], "versions": versions()}  # fmt: skip
-    write_atomically(folder / SUMMARY, json.dumps(plain(summary, "summary"), indent=2, allow_nan=False) + "\n")
-    Report(
+    findings = Findings(
         title=f"{study.name}, case {case}",
-        verdicts=list(map(show_verdict, verdicts)),
         text=[f"Case {case} of the study {study.name!r}. All signals are in {RESULTS}."],
-        warnings=system.warnings.texts,
         tables=tables,
-        parameters=parameters,
-        fmus=fmus,
-        versions=versions(),
-    ).write(folder / REPORT)
-    return row, "\n".join([*(f"{table.caption}\n{table.to_text()}" for table in tables),
-                           *([format_verdicts(verdicts)] if verdicts else [])])  # fmt: skip
+        outcomes=outcomes,
+        more={"study": study.name, "plan_sha256": prepared.identity.plan_sha256, "case": case, "values": values,
+              "row": row},
+    )  # fmt: skip
+    said = [f"{table.caption}\n{table.to_text()}" for table in tables]
+    publish(run_options, replace(system, structure=system.structure.with_parameters(starts)), findings, said.append)
+    return row, "\n".join(said)
 
 
 def _is_same(one: object, other: object) -> bool:

@@ -107,7 +107,6 @@ class IsolatedInstance(FmuInstance):
             if self._guest is not None:
                 self._guest.close()
             raise
-        self.runs_python = False  # not in this process
         self._names = {(FAMILY[v.type], v.valueReference): name for name, v in reversed(self.variables.items())}
 
     @property
