@@ -11,7 +11,6 @@ import pytest
 from support.required import ENTRIES, to_toml
 
 from ps_fmu.cli import main
-from ps_fmu.paper.figures.table2 import report as table2
 from ps_fmu.paper.figures.table2 import runs as table2_runs
 from ps_fmu.requirements.requirement import read_requirements
 from ps_fmu.requirements.stored import judge_files
@@ -155,7 +154,6 @@ def test_every_scenario_refuses_a_run_that_it_has_not(required, make_options, sc
 
 def test_the_lead_in_of_a_run_is_not_judged(required, make_options, ssv, monkeypatch):
     """The settling counts from where the statistics begin, during the run and from its rows; the verdict says so."""
-    monkeypatch.setattr(table2, "draw_comparison", lambda *_: [])
     monkeypatch.setattr(table2_runs, "ORIENTATIONS", {"nominal": (0.0, 0.0, 0.0)})
     monkeypatch.setattr(table2_runs, "SETTLING_S", 0.0)
     change = {"case": "*_passive", "statistic": "peak", "confidence": None, "settling": "0.1 s"}

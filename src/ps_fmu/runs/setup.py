@@ -192,7 +192,8 @@ def load_system(
         else:
             if not disturbed:
                 source = parse_port(SEED).component
-                raise UsageError(f"{options.system}: there is no component {source!r}, whose noise scenarios need")
+                missing = f"there is no component {source!r}, whose noise scenarios need: add one"
+                raise UsageError(f"{options.system}: {missing}")
             structure = structure.with_parameters({**(defaults or {}), **own}).with_parameters(given)
         clock, scheme = StepClock(0.0, options.step_s), _resolve_scheme(options, structure, descriptions)
     faults = None if options.faults is None else read_faults(options.faults)
