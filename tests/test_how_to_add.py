@@ -40,11 +40,14 @@ def run_in_copy(tmp_path):
     """Writes files into a copy of the package and runs a program with that copy; returns what it prints."""
 
     def run(places, program, *arguments):
-        shutil.copytree(ROOT / "src" / "ps_fmu", tmp_path / "ps_fmu", ignore=shutil.ignore_patterns("__pycache__"))
+        package, without = tmp_path / "src" / "ps_fmu", shutil.ignore_patterns("__pycache__")
+        shutil.copytree(ROOT / "src" / "ps_fmu", package, ignore=without)
+        for folder in ("fmus", "system"):
+            (tmp_path / folder).symlink_to(ROOT / folder)
         for place, text in places.items():
-            (tmp_path / "ps_fmu" / place).write_text(text, encoding="utf-8")
+            (package / place).write_text(text, encoding="utf-8")
         program = f"import sys; from pathlib import Path; sys.path.insert(0, sys.argv[1])\n{program}"
-        command = [sys.executable, "-I", "-B", "-c", program, str(tmp_path), *map(str, arguments)]
+        command = [sys.executable, "-I", "-B", "-c", program, str(tmp_path / "src"), *map(str, arguments)]
         done = subprocess.run(command, capture_output=True, text=True)
         assert done.returncode == 0, done.stderr
         return done.stdout
