@@ -103,6 +103,11 @@ def test_what_earlier_results_were_made_from_stays_with_them(folder, name):
         raise OptionError
     assert (folder / name).read_text() == "earlier"
     assert sorted(os.listdir(folder)) == sorted([*EARLIER, "notes.txt", name])
+    (folder / name).unlink()
+    with pytest.raises(OptionError), hold_folder(folder):
+        (folder / name).write_text("new, beside results that had none")
+        raise OptionError
+    assert sorted(os.listdir(folder)) == sorted([*EARLIER, "notes.txt"])
 
 
 @pytest.mark.parametrize(

@@ -61,8 +61,9 @@ def hold_folder(folder: Path, resume: bool = False) -> Iterator[None]:
         try:
             yield
         finally:
+            stored = (folder / RESULTS).exists()
             _settle(folder, {**aside, **kept})
-            if not (folder / RESULTS).exists():
+            if not stored:
                 for path in made:
                     _remove(path)
     finally:
