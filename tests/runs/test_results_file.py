@@ -202,6 +202,17 @@ def test_a_short_run_takes_no_room_for_chunks(tmp_path):
     assert read_case(path, "run").sizes["time"] == 3
 
 
+def test_a_file_of_very_many_columns_stays_as_it_is(rows, monkeypatch):
+    """No column is read: netCDF would look at all of them each time."""
+    path, _ = rows
+    before = path.read_bytes()
+    monkeypatch.setattr(stored_rows, "MOST_COLUMNS", 3)  # and time
+    monkeypatch.setattr(stored_rows, "read_rows", None)
+    finish_file(path)
+    assert path.read_bytes() == before
+    assert [one.name for one in path.parent.iterdir()] == ["results.nc"]
+
+
 @pytest.mark.parametrize("how", ["interrupted", "failed", "full"])
 def test_an_end_that_fails_leaves_the_file_as_it_was(rows, monkeypatch, how):
     path, _ = rows

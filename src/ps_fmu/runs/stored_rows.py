@@ -133,6 +133,7 @@ class KeptRows:
 
 LEVEL = 1  # of zlib, with shuffled bytes: 4 takes a sixth longer, for files 0.3 % smaller
 WORTH = 0.6  # compressed over plain size up to which it is done
+MOST_COLUMNS = 1000  # of a run: to read one, netCDF looks at all of them, so that 10,000 would take 20 minutes
 _SAMPLE_ROWS = 1000
 _BLOCK_ROWS = 160_000
 
@@ -141,7 +142,8 @@ def finish_file(path: Path) -> None:
     """Compress a results.nc, if there is one.
 
     Columns are compressed where that halves them, or nearly so: those that are constant or slow, half of the default
-    system's.  What is left is noise, which would shrink by a fifth and take four times as long.
+    system's.  What is left is noise, which would shrink by a fifth and take four times as long.  A file of more than
+    :data:`MOST_COLUMNS` stays as it is.
 
     Raises OSError if it cannot be written; the file is there then, as the runs left it.
     """
@@ -155,8 +157,11 @@ def finish_file(path: Path) -> None:
     beside = path.with_name(f".{path.name}.part")
     try:
         beside.unlink(missing_ok=True)
-        with NETCDF_LOCK, netCDF4.Dataset(path) as old, netCDF4.Dataset(beside, "w", format="NETCDF4") as new:
-            _copy_group(old, new)
+        with NETCDF_LOCK, netCDF4.Dataset(path) as old:
+            if max(len(group.variables) for group in (old, *old.groups.values())) > MOST_COLUMNS:
+                return
+            with netCDF4.Dataset(beside, "w", format="NETCDF4") as new:
+                _copy_group(old, new)
         beside.replace(path)
     except RuntimeError as error:  # of HDF5
         raise OSError(f"{path}: stays as it is, and cannot be compressed: {error}") from error
