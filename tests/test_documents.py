@@ -4,7 +4,10 @@ import re
 from pathlib import Path
 
 import pytest
+from support.browser import find_browser
 from support.models import load_script
+
+from ps_fmu.slavekit.pack.sources import _DATA
 
 ROOT = Path(__file__).parents[1]
 PLACES = "*.md", "fmus/**/*.md", "docs/**/*.md", "system/**/*.md"
@@ -31,6 +34,25 @@ def test_commands_of_the_readme_exist():
     assert (ROOT / ".ci" / "run").read_text(encoding="utf-8").splitlines()[-1] == "make test"
     assert "make test" in readme
     assert [name for name in re.findall(r"tests/[\w/]+\.py", makefile) if not (ROOT / name).exists()] == []
+
+
+def test_make_watches_all_that_is_packed_into_fmus_and_cleans_no_results():
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8").replace("\\\n", "")
+    (watched,) = re.findall(r"^FMU_SOURCES := (.*)", makefile, re.MULTILINE)
+    assert "LICENSE" in watched.split()
+    assert {f"'*{end}'" for end in (*_DATA, ".py", ".so")} <= set(watched.rstrip(")").split())
+    (removed,) = re.findall(r"^clean:\n\trm -rf (.*)", makefile, re.MULTILINE)
+    assert "build" in removed.split() and "results" not in removed
+
+
+def test_pages_that_cannot_be_tested_fail_in_continuous_integration(monkeypatch):
+    monkeypatch.setattr("shutil.which", lambda name: None)
+    monkeypatch.delenv("CI", raising=False)
+    assert find_browser() is None
+    monkeypatch.setenv("CI", "true")
+    with pytest.raises(RuntimeError, match="Chromium is not installed"):
+        find_browser()
+    assert "export CI=true\n" in (ROOT / ".ci" / "run").read_text(encoding="utf-8")
 
 
 def script(name):
