@@ -19,6 +19,7 @@ from ps_fmu import simulation
 from ps_fmu.cosim import CosimError, read_parameters
 from ps_fmu.cosim.isolation.instance import Isolation
 from ps_fmu.pointing import AbsoluteError, DriftError, MeanError, RelativeError, ResidualJitter
+from ps_fmu.results.index_table import tabulate_indices
 from ps_fmu.runs.options import OptionError
 from ps_fmu.runs.publish import Findings
 from ps_fmu.runs.scenario import SCENARIOS
@@ -193,6 +194,10 @@ def test_indices_that_cannot_be_had(result):
         result.indices(AbsoluteError(), cases=["idle"])
     with pytest.raises(ValueError, match="passive: reachable is no number"):
         result.indices(AbsoluteError(), name="reachable")
+    signal = result.passive["payload_rotation"]
+    later = signal.assign_coords(time=signal["time"].where(signal["time"] < signal["time"][-1], 100.0))
+    with pytest.raises(ValueError, match="passive: the rows are not equally spaced"):
+        tabulate_indices({"passive": later}, [AbsoluteError()])
 
 
 def test_a_result_can_be_copied(result):
