@@ -2,9 +2,11 @@
 
 import os
 
+import numpy as np
 import pytest
 
 from ps_fmu.cli import main
+from ps_fmu.cosim import Column, Recorder
 from ps_fmu.results.style import draw
 from ps_fmu.runs.options import OptionError
 from ps_fmu.runs.output import hold_folder
@@ -41,10 +43,21 @@ def test_earlier_results_do_not_pass_for_those_of_a_run_that_stops_early(folder)
     assert sorted(os.listdir(folder)) == ["notes.txt", "results.nc"]
 
 
-def test_what_a_killed_run_set_aside_is_put_back(folder):
+def record(path, rows):
+    columns, source = [Column("a.x", "m", "Real", "")], {"source": "ps_fmu"}
+    with Recorder(path, "run", columns=columns, step=1.0, attributes=source) as recorder:
+        recorder.block(0, np.arange(float(rows)), np.zeros((rows, 1)))
+
+
+@pytest.mark.parametrize("begun", ["not begun", "empty", "without rows"])
+def test_what_a_killed_run_set_aside_is_put_back(folder, begun):
     """It had stored nothing; the next run is refused."""
     for name in EARLIER:
         (folder / name).rename(folder / f"{name}.earlier")
+    if begun == "empty":
+        (folder / "results.nc").touch()
+    elif begun == "without rows":
+        record(folder / "results.nc", 0)
     with pytest.raises(OptionError), hold_folder(folder):
         raise OptionError
     assert sorted(os.listdir(folder)) == sorted([*EARLIER, "notes.txt"])
@@ -54,6 +67,7 @@ def test_what_a_killed_run_set_aside_is_put_back(folder):
 def test_results_before_those_of_a_killed_run_are_removed(folder):
     """The old report would say of the new rows what is not true."""
     (folder / "report.html").rename(folder / "report.html.earlier")
+    record(folder / "results.nc", 1)
     with pytest.raises(OptionError), hold_folder(folder):
         raise OptionError
     assert sorted(os.listdir(folder)) == ["notes.txt", "results.nc", "summary.json"]

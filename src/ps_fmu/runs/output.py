@@ -11,6 +11,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from ..cosim.checkpoint.state import DamagedCheckpointError
+from ..results.datasets import open_results
 from ..results.style import mark_picture
 from .keeping import RUN, can_go_on
 from .options import CHECKPOINTS, INPUTS, PLOT, REPORT, RESULTS, SUMMARY, OptionError
@@ -50,7 +51,7 @@ def hold_folder(folder: Path, resume: bool = False) -> Iterator[None]:
             _check_own(path)
             _check_own(earlier)
         if any(earlier.exists() for earlier in aside.values()):  # of a run that was killed
-            _settle(folder, {**aside, **kept})
+            _settle({**aside, **kept}, stored=_has_rows(folder / RESULTS))
         for path, earlier in aside.items():
             if path.exists():
                 path.replace(earlier)
@@ -62,7 +63,7 @@ def hold_folder(folder: Path, resume: bool = False) -> Iterator[None]:
             yield
         finally:
             stored = (folder / RESULTS).exists()
-            _settle(folder, {**aside, **kept})
+            _settle({**aside, **kept}, stored)
             if not stored:
                 for path in made:
                     _remove(path)
@@ -71,9 +72,17 @@ def hold_folder(folder: Path, resume: bool = False) -> Iterator[None]:
             os.close(lock)
 
 
-def _settle(folder: Path, aside: Mapping[Path, Path]) -> None:
+def _has_rows(path: Path) -> bool:
+    """Has a run that was killed stored anything?  Its results.nc is there from the beginning."""
+    try:
+        with open_results(path) as file:
+            return any(len(group.dimensions["time"]) for group in file.groups.values() if "time" in group.dimensions)
+    except (OSError, RuntimeError):  # there is none, or it cannot be read
+        return False
+
+
+def _settle(aside: Mapping[Path, Path], stored: bool) -> None:
     """Remove what was set aside if there are new results, else put it back."""
-    stored = (folder / RESULTS).exists()
     for path, earlier in aside.items():
         if stored:
             _remove(earlier)
