@@ -3,6 +3,7 @@
 import struct
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -188,3 +189,31 @@ def test_helpers():
     assert pretty("m/s2") == "m/s$^2$"
     assert largest([np.array([1.0, -3.0]), np.array([np.nan])]) == 3.0
     assert largest([]) == 0.0
+
+
+def test_threads_draw_what_one_draws(tmp_path):
+    """Settings and the reader of formulas of matplotlib are those of all threads."""
+
+    def paint(figure):
+        chart = figure.subplots()
+        chart.plot([0.0, 1.0, 1e4])
+        chart.set_yscale("symlog")
+        chart.set_xlabel(r"$\omega_{x}^2$ (rad/s)")
+
+    def draw_often(thread):
+        found = set()
+        for _ in range(6):
+            draw(tmp_path / f"{thread}.png", 3.0, 2.0, paint)
+            found.add((tmp_path / f"{thread}.png").read_bytes())
+        return found
+
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(1e-5)
+    try:
+        with ThreadPoolExecutor(3) as pool:
+            found = set().union(*pool.map(draw_often, ("one", "two", "three")))
+    finally:
+        sys.setswitchinterval(before)
+    draw(tmp_path / "alone.png", 3.0, 2.0, paint)
+    pictures = [png.partition(b"IDAT")[2] for png in (*found, (tmp_path / "alone.png").read_bytes())]
+    assert len(set(pictures)) == 1

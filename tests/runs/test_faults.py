@@ -13,7 +13,7 @@ from support.cosim import OSCILLATOR, ssd_text
 from ps_fmu import simulate
 from ps_fmu.cli import main
 from ps_fmu.cosim.faults.binding import ActedFault
-from ps_fmu.runs.cases import find_spans
+from ps_fmu.runs.cases import Case, Outcome
 from ps_fmu.runs.publish import tabulate_faults
 
 TOYS = Path(__file__).parents[1] / "cosim" / "toys"
@@ -138,9 +138,9 @@ def test_spans_are_those_of_the_run_and_overlapping_ones_are_one():
         return ActedFault(first, last, "a.y", "freeze", (), text)
 
     faults = [acted(5.0, None), acted(1.0, 2.0), acted(1.5, 3.0), acted(3.0, 3.5), acted(8.0, 20.0)]
-    assert find_spans(faults, 10.0) == [(1.0, 3.5), (5.0, 10.0)]
-    later = [acted(23.0, 25.0), acted(28.0, None)]
-    assert find_spans(later, 10.0, begin_s=20.0) == [(3.0, 5.0), (8.0, 10.0)]
+    assert Outcome(Case("run"), 10.0, 1.0, tuple(faults)).find_spans() == [(1.0, 3.5), (5.0, 10.0)]
+    later = acted(23.0, 25.0), acted(28.0, None)
+    assert Outcome(Case("run"), 10.0, 1.0, later, begin_s=20.0).find_spans() == [(3.0, 5.0), (8.0, 10.0)]
     table = tabulate_faults({"passive": faults[:1], "active": [acted(1.0, 2.0, "y"), faults[0]]})
     assert table.rows == [("x", "passive, active"), ("y", "active")]
     assert tabulate_faults({"run": []}).rows == [("none has acted", "run")]
