@@ -1,6 +1,7 @@
 """Files of checkpoints: what goes in comes out, to the last bit; what is damaged is refused; how often they come."""
 
 import math
+import os
 import signal
 import zlib
 from itertools import count
@@ -54,6 +55,14 @@ def test_what_a_checkpoint_cannot_hold_is_a_mistake_of_ours(tmp_path, value):
     with pytest.raises(TypeError, match="a checkpoint holds no"):
         write_file(tmp_path / "a.msgpack", {"value": value})
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_pipe_is_not_read(tmp_path):
+    """Nobody writes into it: reading would wait for ever."""
+    os.mkfifo(tmp_path / "a.msgpack")
+    for path in (tmp_path / "a.msgpack", tmp_path):
+        with pytest.raises(CheckpointError, match=f"{path.name}: is no file"):
+            read_file(path)
 
 
 def array(dtype="<f8", shape=(1,), columns=False, content=bytes(8), code=1):

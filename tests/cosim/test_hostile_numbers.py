@@ -123,7 +123,7 @@ def test_a_stop_time_that_no_steps_reach(folder, capsys):
     assert fit_duration(1e300, 1e-300) == 1e300
     path = change_experiment(folder, 'stopTime="1e300"')
     assert main(["run", str(path), "--step", "1e-300", "--output", str(folder / "out")]) == 2
-    assert "more than 1e+10 steps" in capsys.readouterr().err
+    assert "1e+10 steps of 1e-300 s" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("count", [1, 20])

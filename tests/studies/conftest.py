@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -123,8 +124,15 @@ def read(write_study, toy_fmus):
 
 @pytest.fixture(scope="session")
 def address():
-    """Of the scheduler of a cluster with two workers, which all tests of a session share."""
+    """Of the scheduler of a cluster with two workers, which all tests of a session share.
+
+    Programs that later tests start must not inherit what its workers were started with.
+    """
+    before = dict(os.environ)
     with cluster.connect(None, 2) as client:
+        client.wait_for_workers(2)
+        os.environ.clear()
+        os.environ.update(before)
         yield client.scheduler.address
 
 

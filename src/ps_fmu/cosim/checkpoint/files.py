@@ -58,6 +58,8 @@ def write_file(path: Path, tree: Mapping[str, State]) -> None:
 
 def read_file(path: Path) -> dict[str, State]:
     """The state in a checkpoint.  Raises :class:`CheckpointError` for a file that is none, or is damaged."""
+    if path.exists() and not path.is_file():  # a pipe may never end
+        raise CheckpointError(f"{path}: is no file but a folder, pipe or device")
     try:
         head, _, content = path.read_bytes().partition(b"\n")
         if head + b"\n" != _HEAD % zlib.crc32(content):

@@ -22,7 +22,7 @@ from ...runs.built_fmus import provide_fmus
 from .results import (
     CASES,
     POINTS,
-    Entry,
+    SignalBudget,
     compute_budgets,
     describe_band,
     list_wanted,
@@ -57,7 +57,7 @@ def analyse(options: AnalysisOptions, points: int = POINTS) -> AnalysisResult:
     factors = read_factors(options.uncertainty)
     systems = read_with_parameters(_read_systems(options), options.parameters)
     path = options.requirements or find_product().system / REQUIREMENTS
-    entries: list[Entry] = []
+    entries: list[SignalBudget] = []
     with tqdm(total=len(systems), unit="system", desc="budget", disable=not options.progress) as bar:
         for system in systems:
             wanted = list_wanted(path, system, system.experiment.step or STEP)
@@ -99,26 +99,26 @@ def _explain(factors: UncertaintyFactors) -> Iterator[str]:
         yield f"All numbers have uncertainty factors on the amplitude: {', '.join(parts)}."
 
 
-def _list_sentences(entries: Sequence[Entry]) -> Iterator[tuple[str, str]]:
+def _list_sentences(entries: Sequence[SignalBudget]) -> Iterator[tuple[str, str]]:
     """Of each system and requirement the active target that takes most of its limit."""
     for group in _group(entries):
         worst = max((e for e in group if e.case == "active"), key=_rank)
         yield worst.model.name, f"{worst.sentence}."
 
 
-def _rank(entry: Entry) -> float:
+def _rank(entry: SignalBudget) -> float:
     return entry.rms / entry.wanted.requirement.limit.value
 
 
-def _group(entries: Sequence[Entry]) -> list[list[Entry]]:
+def _group(entries: Sequence[SignalBudget]) -> list[list[SignalBudget]]:
     """Entries of the same system and requirement."""
-    found: dict[tuple[int, str], list[Entry]] = {}
+    found: dict[tuple[int, str], list[SignalBudget]] = {}
     for entry in entries:
         found.setdefault((id(entry.model), entry.wanted.requirement.name), []).append(entry)
     return list(found.values())
 
 
-def _tabulate(entries: Sequence[Entry]) -> Iterator[Table]:
+def _tabulate(entries: Sequence[SignalBudget]) -> Iterator[Table]:
     """Of each system: totals, and of the signals that take most of their limits the largest sources and modes."""
     for system in dict.fromkeys(entry.model.name for entry in entries):
         own = [entry for entry in entries if entry.model.name == system]
@@ -128,7 +128,7 @@ def _tabulate(entries: Sequence[Entry]) -> Iterator[Table]:
         yield _tabulate_modes(system, worst)
 
 
-def _tabulate_totals(system: str, entries: Sequence[Entry]) -> Table:
+def _tabulate_totals(system: str, entries: Sequence[SignalBudget]) -> Table:
     rows = []
     for entry in entries:
         limit, expected = entry.wanted.requirement.limit, entry.expected
@@ -154,7 +154,7 @@ def _percent(share: float) -> str:
     return f"{100.0 * share:.0f}" if share >= 1.0 else f"{100.0 * share:.3g}"
 
 
-def _tabulate_channels(system: str, entries: Sequence[Entry]) -> Table:
+def _tabulate_channels(system: str, entries: Sequence[SignalBudget]) -> Table:
     rows = []
     for entry in entries:
         budget = entry.budget
@@ -173,7 +173,7 @@ def _tabulate_channels(system: str, entries: Sequence[Entry]) -> Table:
     return Table(f"{system}: the largest sources, active, where most of a limit is taken", header, rows)
 
 
-def _tabulate_modes(system: str, entries: Sequence[Entry]) -> Table:
+def _tabulate_modes(system: str, entries: Sequence[SignalBudget]) -> Table:
     rows = []
     for entry in entries:
         shares = [entry.budget.share(part) for part in entry.budget.by_mode]
@@ -184,7 +184,7 @@ def _tabulate_modes(system: str, entries: Sequence[Entry]) -> Table:
     return Table(f"{system}: the largest modes of the same budgets", header, rows)
 
 
-def _draw(options: AnalysisOptions, entries: Sequence[Entry]) -> list[Picture]:
+def _draw(options: AnalysisOptions, entries: Sequence[SignalBudget]) -> list[Picture]:
     """Two pictures for each requirement, of the signal that takes most of its limit in the last system, active."""
     figures = []
     for number, group in enumerate(_group([e for e in entries if e.model is entries[-1].model]), 1):
@@ -207,7 +207,7 @@ def _draw(options: AnalysisOptions, entries: Sequence[Entry]) -> list[Picture]:
     return paint_pictures(options.output, "budget", *figures)
 
 
-def _describe(entry: Entry) -> dict[str, object]:
+def _describe(entry: SignalBudget) -> dict[str, object]:
     """All numbers of a budget, in the SI unit of the signal."""
     budget, requirement = entry.budget, entry.wanted.requirement
     return {
@@ -231,7 +231,7 @@ def _describe(entry: Entry) -> dict[str, object]:
     }
 
 
-def paint_bands(figure: Figure, entries: Sequence[Entry]) -> None:
+def paint_bands(figure: Figure, entries: Sequence[SignalBudget]) -> None:
     """A panel for each system and case: shares of the variance in bands, stacked by source."""
     systems = _list_systems(entries)
     panels = figure.subplots(len(systems), 2, squeeze=False)
@@ -252,7 +252,7 @@ def paint_bands(figure: Figure, entries: Sequence[Entry]) -> None:
     figure.suptitle(entries[0].wanted.title)
 
 
-def paint_cumulative(figure: Figure, entries: Sequence[Entry]) -> None:
+def paint_cumulative(figure: Figure, entries: Sequence[SignalBudget]) -> None:
     """RMS of all below a frequency, passive and active, of each system; the modes that matter when active."""
     axes = figure.subplots()
     systems = _list_systems(entries)
@@ -277,11 +277,11 @@ def paint_cumulative(figure: Figure, entries: Sequence[Entry]) -> None:
     figure.suptitle(entries[0].wanted.title)
 
 
-def _list_systems(entries: Sequence[Entry]) -> list[str]:
+def _list_systems(entries: Sequence[SignalBudget]) -> list[str]:
     return list(dict.fromkeys(entry.model.name for entry in entries))
 
 
-def _choose_channels(entries: Sequence[Entry]) -> list[str]:
+def _choose_channels(entries: Sequence[SignalBudget]) -> list[str]:
     """The channels with a colour of their own: those with the largest share in any of the budgets."""
     share: dict[str, float] = {}
     for entry in entries:
@@ -290,7 +290,7 @@ def _choose_channels(entries: Sequence[Entry]) -> list[str]:
     return sorted(share, key=lambda channel: -share[channel])[: len(COLOURS)]
 
 
-def _stack(axes: Axes, entry: Entry, named: Sequence[str]) -> None:
+def _stack(axes: Axes, entry: SignalBudget, named: Sequence[str]) -> None:
     budget = entry.budget
     shares = 100.0 * np.array([[budget.share(part) for part in row] for row in budget.contribution.sum(axis=2)])
     places = np.arange(shares.shape[1] if shares.size else 0)
@@ -311,7 +311,7 @@ def _stack(axes: Axes, entry: Entry, named: Sequence[str]) -> None:
     axes.set_title(f"{entry.model.name}, {entry.case}: RMS {entry.rms:.3g} {unit}")
 
 
-def _mark_modes(axes: Axes, entries: Sequence[Entry]) -> None:
+def _mark_modes(axes: Axes, entries: Sequence[SignalBudget]) -> None:
     """Modes with a share in one of the active budgets; those with nearly the same frequency once."""
     marked: list[float] = []
     for entry in entries:

@@ -87,7 +87,7 @@ class Wanted:
 
 
 @dataclass(frozen=True, eq=False)
-class Entry:
+class SignalBudget:
     """A budget and what it is of."""
 
     model: SystemModel
@@ -171,7 +171,7 @@ def list_wanted(path: Path, system: System, step: float) -> list[Wanted]:
 
 def compute_budgets(
     system: System, wanted: Sequence[Wanted], factors: UncertaintyFactors, points: int = POINTS
-) -> Iterator[Entry]:
+) -> Iterator[SignalBudget]:
     """The budgets of all targets, passive and then active.
 
     ``points``: frequencies of a density besides those around the poles.  Raises ``BudgetError``, ``ParameterError``.
@@ -186,7 +186,7 @@ def compute_budgets(
             own = tuple(select_signals(source, rows) for source in sources)
             index = each.requirement.index
             budget = make_budget(index, own, edges, step=model.step, modes=modes, factors=factors)
-            yield Entry(model, case, each, budget, own)
+            yield SignalBudget(model, case, each, budget, own)
 
 
 def find_edges(highest: float) -> Array:

@@ -46,7 +46,7 @@ def analyse(
 ) -> AnalysisResult:
     """Run the FMUs for ``duration``, s, in each case, and compare the indices, by default those of the closed form.
 
-    ``points``: frequencies of the closed form, see :class:`.closed_form.ClosedForm`.
+    ``points``: frequencies of the closed form, see :class:`.comparison.ClosedForm`.
     """
     indices = list_indices() if indices is None else indices
     system = load_default_system(options, SYSTEM)
