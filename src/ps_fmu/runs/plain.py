@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cosim import Column
+from ..cosim.recording.columns_on_disk import read_rows
 from ..results.datasets import open_results
 from ..results.quick_plot import Line, draw_quick_plot
 from ..results.report import Picture
@@ -78,11 +79,12 @@ def _draw(
     places = make_stored_names([column.name for column in system.columns])
     with open_results(folder / RESULTS) as file:
         group = file.groups[CASE]
-        time = _read_column(group["time"])
+        rows = len(group.dimensions["time"])
+        time = _read_column(group["time"], rows)
         lines = []
         for name in stored:
             variable = group[places[name]]
-            lines.append(Line(name, variable.units, variable.dtype.kind != "f", partial(_read_column, variable)))
+            lines.append(Line(name, variable.units, variable.dtype.kind != "f", partial(_read_column, variable, rows)))
         shaded = [(first + outcome.begin_s, last + outcome.begin_s) for first, last in outcome.find_spans()]
         left = draw_quick_plot(folder / PLOT, time, lines, title=title, shaded=shaded)
     if left:
@@ -90,5 +92,5 @@ def _draw(
     return [Picture(folder / PLOT, f"What is stored, over time.{f' {left[:1].upper()}{left[1:]}.' if left else ''}")]
 
 
-def _read_column(variable: Any) -> NDArray[np.float64]:
-    return np.asarray(variable[:], dtype=float)
+def _read_column(variable: Any, rows: int) -> NDArray[np.float64]:
+    return np.asarray(read_rows(variable, 0, rows), dtype=float)
