@@ -371,9 +371,10 @@ def test_threads_simulate_at_the_same_time(result):
     assert not other.active.equals(result.active)
 
 
-def test_a_report_has_what_the_command_writes(tmp_path, result):
-    """Rows, tables and figures; the rows are those in memory."""
+def test_a_report_has_what_the_command_writes(tmp_path, result, capsys):
+    """Rows, tables and figures; the rows are those in memory.  Nothing is printed."""
     path = result.report(tmp_path / "mine")
+    assert capsys.readouterr() == ("", "")
     assert {file.name for file in path.parent.iterdir()} == {
         "results.nc", "summary.json", "report.html", "parameters.ssv", "jitter.png", "image_point.png", "spectra.png"
     }  # fmt: skip

@@ -167,7 +167,7 @@ class Result:
         write_origin(folder / RESULTS, options, run.system)
         assert run.system.kept is not None
         run.system.kept.write(folder / RESULTS)
-        publish(options, run.system, findings)
+        publish(options, run.system, findings, lambda _text: None)
 
     def plot(self, name: str = "payload_rotation", cases: Sequence[str] | None = None) -> ShownFigure:
         """Draw a variable of some cases, by default of all that have it, over time, a row per component.

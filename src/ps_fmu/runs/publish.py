@@ -58,7 +58,7 @@ class Findings:
         return sum(o.simulated_s for o in self.outcomes) / sum(o.wall_s for o in self.outcomes)
 
 
-def publish(options: RunOptions, system: RunSystem, findings: Findings, show: Callable[[str], None] = print) -> Done:
+def publish(options: RunOptions, system: RunSystem, findings: Findings, show: Callable[[str], None]) -> Done:
     """Write figures, summary.json and report.html, and finish results.nc, all in the folder of the options.
 
     Shows verdicts, faults, costs, how fast it went and where the results are.  Raises ``OSError`` if they cannot be
