@@ -84,12 +84,15 @@ def end_share(phase: ArrayLike, samples: int | None = None) -> Array:
 
 
 def count_samples(time: float, step: float, name: str) -> int:
-    """Number of steps in a time, both in s; raises ``ValueError`` unless it is a whole number from 1 on."""
+    """Number of steps in a time, both in s; raises ``ValueError`` unless it is a whole number from 1 on.
+
+    The step may be that of a record, see :func:`find_step`, and off by the rounding of its times.
+    """
     if not (math.isfinite(step) and step > 0.0):
         raise ValueError(f"step: expected a time above 0 s, got {step!r}")
     ratio = time / step
     count = round(ratio) if math.isfinite(ratio) else 0
-    if count < 1 or abs(ratio - count) > 1e-6 + 1e-9 * count:  # of a step: rounding of decimal numbers
+    if count < 1 or abs(ratio - count) > 1e-6 + 1e-9 * count:
         raise ValueError(f"{name}: {time!r} s is not a whole number of steps of {step!r} s")
     return count
 
