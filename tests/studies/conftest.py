@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import os
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,7 +14,6 @@ from support.linear import make_oscillator
 from support.processes import PATIENCE_S, end_with_children, start_dask, wait_for_scheduler
 from support.relays import make_relay
 
-from ps_fmu.studies import cluster
 from ps_fmu.studies.study import read_study
 from ps_fmu.studies.sweep import SweepOptions, prepare
 
@@ -122,38 +121,41 @@ def read(write_study, toy_fmus):
     return lambda *arguments, **named: replace(read_study(write_study(*arguments, **named)), fmus=toy_fmus)
 
 
-@pytest.fixture(scope="session")
-def address():
-    """Of the scheduler of a cluster with two workers, which all tests of a session share.
-
-    Programs that later tests start must not inherit what its workers were started with.
-    """
-    before = dict(os.environ)
-    with cluster.connect(None, 2) as client:
-        client.wait_for_workers(2)
-        os.environ.clear()
-        os.environ.update(before)
-        yield client.scheduler.address
-
-
-@pytest.fixture
-def hand_started(tmp_path):
-    """Arguments for a scheduler with two workers, each started by its command, and the processes."""
-    file = tmp_path / "scheduler.json"
+@contextmanager
+def start_by_hand(folder):
+    """The address of a scheduler with two workers, each started by its command, and the processes."""
+    file = folder / "scheduler.json"
     scheduler = start_dask("scheduler", "--port", "0", "--scheduler-file", str(file))
     processes = [scheduler]
     try:
         address = wait_for_scheduler(file)
         for number in (1, 2):
-            folder = tmp_path / f"node{number}"
-            folder.mkdir()
+            own = folder / f"node{number}"
+            own.mkdir()
             processes.append(
                 start_dask("worker", "--scheduler-file", str(file), "--nthreads", "1", "--name", f"node{number}",
-                           "--local-directory", str(folder))
+                           "--local-directory", str(own))
             )  # fmt: skip
         with Client(address, timeout=PATIENCE_S, set_as_default=False) as client:
             client.wait_for_workers(2, PATIENCE_S)  # else one may do all before the other has started
-        yield ("--scheduler", address, "--scheduler-timeout", f"{PATIENCE_S:g}"), processes
+        yield address, processes
     finally:
         for process in processes:
             end_with_children(process)
+
+
+@pytest.fixture(scope="session")
+def address(tmp_path_factory):
+    """Of the scheduler of a cluster with two workers, which all tests of a session share.
+
+    It lives in processes of its own: tests of other folders ask what is open, and set, in this one.
+    """
+    with start_by_hand(tmp_path_factory.mktemp("cluster")) as (address, _):
+        yield address
+
+
+@pytest.fixture
+def hand_started(tmp_path):
+    """Arguments for a scheduler with two workers, each started by its command, and the processes."""
+    with start_by_hand(tmp_path) as (address, processes):
+        yield ("--scheduler", address, "--scheduler-timeout", f"{PATIENCE_S:g}"), processes
