@@ -18,6 +18,7 @@ from markupsafe import escape
 
 from .cosim.ssp.writing import start_values_xml
 from .cosim.structure import Parameter, Value, suggest_names
+from .files.plain import write_atomically
 from .results.datasets import list_cases, make_dataset, read_case
 from .results.summary import plain
 from .runs.options import PARAMETERS, REPORT, RESULTS, SUMMARY, OptionError, claim_folder
@@ -25,7 +26,6 @@ from .runs.origin import list_attributes, write_origin
 from .runs.output import hold_folder, leave_no_empty_folder
 from .runs.publish import Findings, describe, make_summary, publish
 from .runs.run import Run
-from .slavekit.pack.files import write_atomically
 from .terminal import read_output
 
 if TYPE_CHECKING:

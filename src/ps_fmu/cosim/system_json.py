@@ -13,10 +13,10 @@ from typing import Any
 
 import msgspec
 
+from ..files.plain import read_bytes
 from .errors import SystemFileError
 from .structure import Component, System
 from .values import Hop
-from .xmlfile import read_bytes
 
 MAXIMUM_BYTES = 2**30
 

@@ -6,8 +6,8 @@ import zipfile
 from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
 
-from ..cosim.archive import read_member
 from ..cosim.library import MODULE_FILE, find_missing
+from ..files.archive import read_member
 from .reading import Description
 
 _DATA_DESCRIPTOR = 1 << 3  # general purpose bit 3

@@ -9,9 +9,9 @@ import sys
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
-from ..cosim.archive import check_archive, check_content, read_member
 from ..cosim.errors import SystemFileError
-from ..cosim.xmlfile import MAXIMUM_BYTES
+from ..files.archive import check_archive, check_content, read_member
+from ..files.xmlfile import MAXIMUM_BYTES
 from ..native import find_platform
 from ..slavekit.pack.stages import StageResult, live_in_fmpy
 from . import archive_rules, lives

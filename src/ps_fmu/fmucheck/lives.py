@@ -16,7 +16,7 @@ import tempfile
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from ..cosim.archive import extract
+from ..files.archive import extract
 from ..native import find_compiled, find_platform, list_platforms
 from ..slavekit.pack.stages import StageResult, watch_stages
 from .reading import Description, Variable, parse_number

@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterable, Iterator
 from datetime import datetime
 
-from ..cosim.xmlfile import Element
+from ..files.xmlfile import Element
 from .reading import Description, Faults, parse_number
 
 _DATE = "%Y-%m-%dT%H:%M:%SZ"

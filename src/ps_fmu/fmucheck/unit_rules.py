@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from ..cosim.xmlfile import Element
+from ..files.xmlfile import Element
 from ..slavekit.author.units import BASE_UNITS, Unit, parse_unit
 from .model_rules import find_repeated
 from .reading import Description, Faults, parse_number
