@@ -15,16 +15,25 @@ import pytest
 from support.cosim import Collect
 from support.processes import PATIENCE_S, wait_until
 
-from ps_fmu.cosim import Master
+from ps_fmu.cosim import Column, Master
 from ps_fmu.pointing.indices import AbsoluteError, RelativeError
 from ps_fmu.requirements.quantity import Delay, Names, Time
 from ps_fmu.studies.case_runner import CaseRunner
-from ps_fmu.studies.observed import IndexRecord
+from ps_fmu.studies.observed import IndexRecord, find_signals
 from ps_fmu.studies.rows import DONE, FAILED, KILLED, LATE, StartError, VersionError
 from ps_fmu.studies.study import Observed
 from ps_fmu.studies.worker import CaseProcess
 
 GAIN = {"toy.gain": 1.5}
+
+
+def test_an_output_of_this_name_is_no_vector():
+    """As in requirements; a vector without its ``.x`` or ``_1`` has its components."""
+    columns = [Column(f"a.{name}", "m/s", "Real", "") for name in ("speed", "speed_2", "leg_1", "leg_2", "v.x", "v.y")]
+    assert find_signals(Observed(signal=Names(["a.speed"])), columns) == {"a.speed": 0}
+    assert find_signals(Observed(signal=Names(["a.leg", "a.v"])), columns) == {
+        "a.leg_1": 2, "a.leg_2": 3, "a.v.x": 4, "a.v.y": 5
+    }  # fmt: skip
 
 
 @pytest.fixture

@@ -148,10 +148,10 @@ def provide_unpacked(archive: Path, shared: bool = True) -> Path:
 
     Parameters
     ----------
-    archive: checked and unpacked by :func:`.archive.extract`, but for what only other systems and readers need.
+    archive: checked and unpacked by :func:`..files.archive.extract`, but for what only other systems and readers need.
     shared: False for a folder that nobody else gets.
 
-    Give the folder back by :func:`release_unpacked`.  Raises :class:`SystemFileError` as :func:`.archive.extract`, and
+    Give the folder back by :func:`release_unpacked`.  Raises :class:`SystemFileError` as ``extract``, and
     if the file changes meanwhile.
     """
     with _lock:
