@@ -19,7 +19,7 @@ from ps_fmu import simulation
 from ps_fmu.cosim import CosimError, read_parameters
 from ps_fmu.cosim.isolation.instance import Isolation
 from ps_fmu.pointing import AbsoluteError, DriftError, MeanError, RelativeError, ResidualJitter
-from ps_fmu.results.index_table import tabulate_indices
+from ps_fmu.results.datasets import tabulate_indices
 from ps_fmu.runs.options import OptionError
 from ps_fmu.runs.publish import Findings
 from ps_fmu.runs.scenario import SCENARIOS

@@ -199,7 +199,7 @@ class Result:
         Raises ``KeyError`` for a variable or a case that is not there, ``ValueError`` for an index that the run is too
         short for, or whose times are no whole number of storage steps.
         """
-        from .results.index_table import USUAL, tabulate_indices
+        from .results.datasets import USUAL, tabulate_indices
 
         return tabulate_indices(self._select(name, cases), indices or USUAL)
 

@@ -14,7 +14,7 @@ from ..files.archive import check_archive, check_content, read_member
 from ..files.xmlfile import MAXIMUM_BYTES
 from ..native import find_platform
 from ..slavekit.pack.stages import StageResult, live_in_fmpy
-from . import archive_rules, lives
+from . import lives, structure_rules
 from .reading import Description, read_description
 from .rules import DESCRIPTION_RULES, check_description
 from .verdicts import FAILED, NOT_RUN, OK, WARNING, CheckResult
@@ -45,7 +45,7 @@ def check_fmu(path: Path, run: bool = True) -> Iterator[CheckResult]:
         members = check_archive(path)
         check_content(path)
         description = read_description(read_member(path, _DESCRIPTION, MAXIMUM_BYTES), path / _DESCRIPTION)
-        problems = archive_rules.find_problems(path, description)
+        problems = structure_rules.find_archive_problems(path, description)
     except SystemFileError as error:
         yield CheckResult("archive", FAILED, (str(error),))
         return

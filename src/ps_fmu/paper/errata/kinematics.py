@@ -18,7 +18,7 @@ from ...theory.transfer_matrices import Nominal
 from ..bus_cases import assemble_nominal
 from ..figures.fig06 import compute_reach
 from ..figures.fig07.runs import EPSILON_AS_PUBLISHED
-from ..figures.table2.closed_form import ORIENTATIONS
+from ..figures.table2.runs import ORIENTATIONS
 from ..published import published_numbers
 from . import case
 from .case import BY_READING, Erratum, rate, relative_error

@@ -20,7 +20,7 @@ from ...mechanism.kinematics import KinematicsError, leg_rows, leg_vectors, list
 from ...mechanism.parameters import Array, Geometry
 from ...mechanism.rotations import GimbalLockError, orientation_rate_map
 from .. import workspace
-from ..figures.table2.closed_form import ORIENTATIONS
+from ..figures.table2.runs import ORIENTATIONS
 from ..published import ANGLES
 from .fit import Identifiability, Range, follow, roundings, slopes, targets, values_at
 
