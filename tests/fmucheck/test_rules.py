@@ -11,7 +11,7 @@ from fmpy.validation import validate_fmu
 from ps_fmu.cosim import SystemFileError
 from ps_fmu.fmucheck.reading import read_description
 from ps_fmu.fmucheck.rules import DESCRIPTION_RULES, check_description
-from ps_fmu.fmucheck.structure_rules import find_archive_problems
+from ps_fmu.fmucheck.structure_rules import find_archive_problems as find_problems
 from ps_fmu.fmucheck.verdicts import FAILED, WARNING
 
 # --- Each rule finds the fault that is made for it, and no other rule does ----------------------------------------
@@ -241,8 +241,8 @@ def written(path: Path, names: tuple[str, ...] = NAMES, method: int = zipfile.ZI
 
 def test_nothing_is_wrong(tmp_path):
     for method in (zipfile.ZIP_DEFLATED, zipfile.ZIP_STORED):
-        assert find_archive_problems(written(tmp_path / "A.fmu", method=method), DESCRIPTION) == []
-    assert find_archive_problems(written(tmp_path / "A.fmu", NAMES[:2]), DESCRIPTION) == []  # sources need not be handed on
+        assert find_problems(written(tmp_path / "A.fmu", method=method), DESCRIPTION) == []
+    assert find_problems(written(tmp_path / "A.fmu", NAMES[:2]), DESCRIPTION) == []  # sources need not be handed on
 
 
 @pytest.mark.parametrize(
@@ -253,25 +253,25 @@ def test_nothing_is_wrong(tmp_path):
     ],
 )
 def test_content(names, problem, tmp_path):
-    (found,) = find_archive_problems(written(tmp_path / "A.fmu", names), DESCRIPTION)
+    (found,) = find_problems(written(tmp_path / "A.fmu", names), DESCRIPTION)
     assert found.startswith(problem)
 
 
 def test_neither_library_nor_sources(tmp_path):
     names = ("binaries/linux64/other.so", "binaries/A.so")
-    assert [text for text in find_archive_problems(written(tmp_path / "A.fmu", names), DESCRIPTION) if "neither" in text] == [
+    assert [text for text in find_problems(written(tmp_path / "A.fmu", names), DESCRIPTION) if "neither" in text] == [
         f"there is neither a library binaries/<platform>/{model}.* nor a folder sources" for model in "AB"
     ]
 
 
 def test_another_suffix(tmp_path):
-    assert find_archive_problems(written(tmp_path / "A.zip"), DESCRIPTION) == [
+    assert find_problems(written(tmp_path / "A.zip"), DESCRIPTION) == [
         "the file is named A.zip, expected a name that ends with .fmu"
     ]
 
 
 def test_another_compression(tmp_path):
-    found = find_archive_problems(written(tmp_path / "A.fmu", method=zipfile.ZIP_BZIP2), DESCRIPTION)
+    found = find_problems(written(tmp_path / "A.fmu", method=zipfile.ZIP_BZIP2), DESCRIPTION)
     assert "sources/a.c: compression method 12, expected 8 (deflate) or 0 (store)" in found
     assert "sources/a.c: version 4.6 is needed to extract, expected 2.0 at most" in found
 
@@ -286,7 +286,7 @@ def test_sizes_behind_stored_files(tmp_path):
     with (tmp_path / "A.fmu").open("wb") as file, zipfile.ZipFile(Pipe(file), "w") as archive:
         for name in NAMES:
             archive.writestr(name, "content")
-    found = find_archive_problems(tmp_path / "A.fmu", DESCRIPTION)
+    found = find_problems(tmp_path / "A.fmu", DESCRIPTION)
     assert found[-1] == (
         "sources/a.c: stored with its size behind it (general purpose bit 3), allowed only with deflate"
     )
