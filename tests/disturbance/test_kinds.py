@@ -213,7 +213,7 @@ def test_lines_above_half_the_step_rate_are_named(changes, step, text):
 
 
 def test_where_a_line_folds_to():
-    """The text names the frequency of the largest line of the samples, for sines from below to far above half the rate."""
+    """The text names the frequency of the largest line of the samples."""
     step, off, folded = 1e-3, [], 0
     times = 3.0 + np.arange(4096) * step
     window = np.hanning(len(times))

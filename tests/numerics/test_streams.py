@@ -94,7 +94,7 @@ def test_streams_are_independent_at_every_lag():
         "noise.independent_streams",
         claim="Noise of different axes, sensors, components, seeds and cases of a study is independent",
         where="`ps-fmu run`, `ps-fmu sweep`: what intervals and shares of sources rest on",
-        reference="cross-correlation of 2556 pairs of series at all lags; independent ones exceed the bound once in 1000",
+        reference="cross-correlation of 2556 pairs of series at all lags; chance exceeds the bound once in 1000",
         error=max(largest) / (norm.isf(0.5e-3 / (pairs * 2 * n)) / np.sqrt(0.9 * n)),
         bound=1.0,
         unit="of what chance allows",
