@@ -7,6 +7,7 @@ from dataclasses import replace
 import netCDF4
 import numpy as np
 import pytest
+from support.claims import verify_claim
 
 from ps_fmu.analyses.table import AnalysisOptions
 from ps_fmu.mechanism.inverse_kinematics import inverse_kinematics, reachable, stroke_margin
@@ -47,8 +48,15 @@ def test_the_platform_points_at_its_targets(built_fmus, tmp_path, monkeypatch):
     assert [picture.path.stat().st_size > 20_000 for picture in result.pictures] == [True] * 2
 
     found = {finding.key: finding for finding in result.findings}
-    for key in LIMITS:
-        assert found[key].cosimulated == pytest.approx(published_numbers()[key].value, abs=1e-4)  # deg
+    verify_claim(
+        "paper.limits",
+        claim="Largest roll, pitch and yaw, each alone",
+        where="`ps-fmu analyse trajectories`, `workspace`: terminal, report",
+        reference="the plant and the commander driven there, against the paper's Table 1",
+        error=[abs(found[key].cosimulated - published_numbers()[key].value) for key in LIMITS],
+        bound=1e-4,
+        unit="deg",
+    )
     assert found["text.cone"].cosimulated == pytest.approx(8.9793, abs=1e-4)
     assert 1e-9 < found["fig7.error"].cosimulated < 1e-8
     assert found["fig7.error"].cosimulated == pytest.approx(found["fig7.error"].computed, rel=1e-3)
