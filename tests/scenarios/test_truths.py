@@ -90,9 +90,56 @@ def list_windows(values, width):
     return {"APE": values, "MPE": np.array(means), "RPE": relative, "PDE": np.array(changes)}
 
 
-def test_isolation(make_options, capsys):
+WINDOW_S, APART_S, SETTLING_S = 0.1, 0.25, 0.5
+REQUIRED = {
+    "APE": "", "MPE": "", "RPE uniform": 'at = "uniform"', "RPE end": 'at = "end"', "smear": "", "jitter": "",
+    **dict.fromkeys(("PDE", "PRE"), f'separation = "{APART_S} s"'),
+}  # fmt: skip
+UNITS = {"urad": 1e-6, "arcsec": math.radians(1.0 / 3600.0), "mas": math.radians(1.0 / 3.6e6), "deg": math.radians(1.0)}
+
+
+def write_requirements(path):
+    """Each index and statistic, of each axis and of the magnitude, with limits in turn in each unit."""
+    entries = []
+    for kind, more in REQUIRED.items():
+        for statistic in ("rms", "peak", "quantile"):
+            for combine in ("each", "norm"):
+                unit = list(UNITS)[len(entries) % len(UNITS)]
+                keys = [
+                    f'name = "{len(entries)}"', 'signal = "plant.payload_rotation"', f'index = "{kind.split()[0]}"',
+                    f'statistic = "{statistic}"', f'combine = "{combine}"', f'settling = "{SETTLING_S} s"', more,
+                    f'limit = "{0.5e-6 / UNITS[unit]!r} {unit}"', "" if kind == "APE" else f'window = "{WINDOW_S} s"',
+                    "" if statistic == "peak" else "confidence = 0.8",
+                    'probability = 0.7\ninterpretation = "temporal"' if statistic == "quantile" else "",
+                ]  # fmt: skip
+                entries.append("[[requirement]]\n" + "\n".join(keys))
+    path.write_text("\n\n".join(entries))
+    return path
+
+
+def find_errors(kind, record, step):
+    """The errors that an index is of, (n, signals), window after window, by its definition."""
+    width, apart = round(WINDOW_S / step), round(APART_S / step)
+    if kind == "APE":
+        return record
+    later = apart if kind in ("PDE", "PRE") else 0
+    time = np.arange(width) - 0.5 * (width - 1.0)
+    found = []
+    for first in range(0, len(record) - later - width + 1, width):
+        window, other = record[first : first + width], record[first + later : first + later + width]
+        mean, slope = window.mean(axis=0), time @ window / (time @ time)
+        found.append({
+            "MPE": mean[None], "RPE uniform": window - mean, "RPE end": window[-1:] - mean,
+            "PDE": (other.mean(axis=0) - mean)[None], "PRE": (other.mean(axis=0) - mean)[None],
+            "smear": (slope * time.std())[None], "jitter": window - mean - np.outer(time, slope),
+        }[kind])  # fmt: skip
+    return np.concatenate(found)
+
+
+def test_isolation(make_options, tmp_path, capsys):
     step, duration_s = 5e-4, 4.0
-    options = make_options("isolation", duration_s, step_s=step, storage_step_s=step, seed=5)
+    required = write_requirements(tmp_path / "required.toml")
+    options = make_options("isolation", duration_s, step_s=step, storage_step_s=step, seed=5, requirements=required)
     summary, rows = run(options)
     expected = {"reachable": True}
     each = {case: rows(case, *ROTATION) for case in ("passive", "active")}
@@ -109,7 +156,7 @@ def test_isolation(make_options, capsys):
     rejection = 100.0 * (1.0 - rms(each["active"]) / rms(each["passive"]))
     (saturated,) = rows("active", "isolator.saturated")
     expected |= {"rejection_percent": rejection, "saturated_fraction": float(saturated.mean())}
-    found = {key: summary[key] for key in summary.keys() - INPUTS - WALL - {"indices"}}
+    found = {key: summary[key] for key in summary.keys() - INPUTS - WALL - {"indices", "verdicts"}}
     verify_claim(
         "run.isolation",
         claim="RMS, mean, peak, drift, rejection, radius of the image point, share of time at the force limit",
@@ -163,6 +210,52 @@ def test_isolation(make_options, capsys):
         reference="the ranked values of all rows",
         error=rounded,
         bound=0.0012,
+    )
+    record = each["active"].T[round(SETTLING_S / step) :]
+    verdicts = iter(summary["verdicts"])
+    off, rounded, margins = [], [], []
+    for kind in REQUIRED:
+        error = find_errors(kind, record, step)
+        for statistic in ("rms", "peak", "quantile"):
+            for values in (*np.abs(error.T), np.sqrt((error**2).sum(axis=1))):
+                found = next(verdicts)
+                unit = UNITS[found["unit"]]
+                truth = {
+                    "rms": rms(values),
+                    "peak": values.max(),
+                    "quantile": np.sort(values)[math.ceil(0.7 * len(values)) - 1],
+                }
+                (rounded if statistic == "quantile" else off).append(found["value"] * unit / truth[statistic] - 1.0)
+                if found["bound"] is not None:
+                    margins.append(found["margin"] - 100.0 * (1.0 - found["bound"] / found["limit"]))
+                    assert found["met"] == (found["bound"] <= found["limit"]) == (found["verdict"] == "met")
+                    assert found["bound"] >= found["value"] * (1.0 - 1e-12)
+    assert next(verdicts, None) is None and len(off) == 64 and len(margins) > 60
+    assert min(rounded) > -1e-12
+    verify_claim(
+        "requirement.values",
+        claim="Value of a requirement: RMS and peak of each index, each axis and the magnitude, in any unit",
+        where="`ps-fmu run`, `judge`, `sweep`: table of verdicts, report, `verdicts` of summary.json",
+        reference="definitions of the seven indices by hand on all rows of results.nc: 64 values",
+        error=np.abs(off),
+        bound=1e-9,
+    )
+    verify_claim(
+        "requirement.quantiles",
+        claim="Value of a requirement: quantile of the magnitude, rounded up",
+        where="`ps-fmu run`, `judge`, `sweep`: table of verdicts, report, `verdicts` of summary.json",
+        reference="ranked values of each index by hand: 32 values",
+        error=rounded,
+        bound=0.0012,
+    )
+    verify_claim(
+        "requirement.margin",
+        claim="Margin, and met where the bound is not above the limit",
+        where="`ps-fmu run`, `judge`, `sweep`: table of verdicts, report, `verdicts` of summary.json",
+        reference="100 (1 - bound / limit)",
+        error=np.abs(margins),
+        bound=1e-9,
+        unit="per cent",
     )
 
 
