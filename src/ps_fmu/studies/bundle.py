@@ -12,6 +12,7 @@ import shutil
 import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from functools import cache
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -77,6 +78,17 @@ class Task(msgspec.Struct, frozen=True, kw_only=True):
 
 def _make_value(kind: type, given: Any) -> Any:
     return kind(given) if issubclass(kind, float) else make_value(kind, given)
+
+
+@cache
+def worker_versions() -> dict[str, str]:
+    """:func:`result_versions`, that of ps_fmu with the content of its modules: two checkouts may have one version."""
+    root = Path(__file__).parents[1]
+    copied = root / "product"  # in an installation: sources of FMUs, which travel with the study
+    names = [path for kind in ("*.py", "*.so") for path in root.rglob(kind) if copied not in path.parents]
+    content = _digest({path.relative_to(root).as_posix(): path.read_bytes() for path in names})
+    found = result_versions()
+    return {**found, "ps_fmu": f"{found['ps_fmu']} (modules {content[:12]})"}
 
 
 def result_versions() -> dict[str, str]:

@@ -28,7 +28,7 @@ from ..runs.logs import WarningLog
 from ..runs.runner import Runner
 from ..runs.stored_rows import make_stored_names, rename_columns
 from ..terminal import reason
-from .bundle import FAULTS, INPUTS, REQUIREMENTS, SYSTEM, TASK, Task, result_versions
+from .bundle import FAULTS, INPUTS, REQUIREMENTS, SYSTEM, TASK, Task, worker_versions
 from .factors import split_values
 from .observed import CaseRecord, find_signals
 from .rows import ANSWER, DONE, FAILED, HISTOGRAM, LONGEST_TEXT, VERDICT, Row, VersionError
@@ -198,7 +198,10 @@ def describe_verdicts(judge: RunJudge) -> Row:
 
 def check_versions(expected: Mapping[str, str]) -> None:
     """Raises :class:`.rows.VersionError` where packages are others than ``expected``, by name."""
-    own = result_versions()
+    own = worker_versions()
     others = [f"{name} {own[name]} instead of {version}" for name, version in expected.items() if own[name] != version]
     if others:
-        raise VersionError(f"this worker has {', '.join(others)}: rows would not be those of one study")
+        raise VersionError(
+            f"this worker has {', '.join(others)}: rows would not be those of one study; install there what this "
+            "command has, or end that worker"
+        )
