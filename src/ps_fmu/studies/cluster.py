@@ -17,7 +17,7 @@ from typing import Any
 
 from ..child_processes import ONE_THREAD
 from ..terminal import block_interrupts, hold_interrupts, reason
-from .bundle import Bundle
+from .bundle import Bundle, check_versions, clean_versions, result_versions
 from .plan import Plan
 from .rows import (
     DONE,
@@ -154,6 +154,11 @@ def _say(text: str) -> None:
     tqdm.write(text, file=sys.stderr)
 
 
+def _name(address: str, worker: Mapping[str, Any]) -> str:
+    """A worker as messages call it, as its scheduler describes it."""
+    return f"worker {address}" if worker["name"] == address else f"worker {worker['name']} ({address})"
+
+
 class Silences:
     """How long the workers of a scheduler have not been heard of.
 
@@ -172,7 +177,7 @@ class Silences:
         from distributed.scheduler import heartbeat_interval
 
         now = time.monotonic()
-        passed, self._looked = min(now - self._looked, 2.0 * (WATCH_S + ANSWER_S)), now
+        passed, self._looked = min(now - self._looked, WATCH_S + ANSWER_S), now
         before, self._known = self._known, {}
         for address, worker in workers.items():
             heard, silent = before.get(address, (None, 0.0))
@@ -195,10 +200,10 @@ class Dispatcher:
         self._stored: frozenset[int] = frozenset()
         self._finished, self._spent_s = 0, 0.0
         self._threads = 0
-        self._unanswered = 0
+        self._next_look, self._unanswered = 0.0, 0
         self._silences = Silences()
-        self._given_up: set[str] = set()
-        """Addresses of workers."""
+        self._given_up, self._checked = set[str](), set[str]()
+        """Addresses of workers: of those that are not heard of, and of those that have the right packages."""
         self._idle_since: float | None = None
         """Since when there has been no worker."""
 
@@ -221,6 +226,8 @@ class Dispatcher:
         Raises what :func:`.worker.run_batch` raises, too.
         """
         self._stored = frozenset(stored)
+        while not self._count_threads():  # none gets anything before it is known to have ps_fmu
+            time.sleep(WATCH_S)
         key = f"ps-fmu-study-{self._files.sha256}"
         with self._notice_loss():
             self._bundle = self._client.submit(keep, self._files, key=key, pure=False)
@@ -317,32 +324,57 @@ class Dispatcher:
     def _count_threads(self) -> int:
         """Of all workers that are heard of; those that are not are given up.
 
-        Raises :class:`.rows.ClusterError` if there have been no workers for long, or the scheduler does not answer.
+        Raises :class:`.rows.ClusterError` if there have been no workers for long, or the scheduler does not answer, and
+        :class:`.rows.VersionError`.
         """
+        if time.monotonic() < self._next_look:
+            return self._threads
         # Without a limit a client asks a scheduler that has just ended for as long as one may take to answer.
         with self._notice_loss(), suppress(TimeoutError):
             self._unanswered += 1
             workers = self._client.sync(self._client.scheduler.identity, callback_timeout=ANSWER_S)["workers"]
             self._unanswered = 0
             for address in self._silences.find(workers) - self._given_up:
-                self._give_up(address, workers[address]["name"])
-            self._threads = sum(one["nthreads"] for address, one in workers.items() if address not in self._given_up)
+                self._give_up(address, _name(address, workers[address]))
+            heard = {address: worker for address, worker in workers.items() if address not in self._given_up}
+            self._threads = sum(worker["nthreads"] for worker in heard.values())
+            self._check_versions(heard)
         if self._unanswered >= UNANSWERED:
             raise ClusterError(
                 f"the scheduler {self._address} has not answered for {UNANSWERED * ANSWER_S:g} s: it is stopped, or "
                 "its machine or the network is down or overloaded: continue it, or start another one"
             )
         now = time.monotonic()
+        self._next_look = now + WATCH_S
         self._idle_since = None if self._threads else self._idle_since or now
         if self._idle_since is not None and now - self._idle_since > NO_WORKER_S:
-            raise ClusterError(f"the scheduler {self._address} has had no worker for {NO_WORKER_S:g} s")
+            raise ClusterError(
+                f"the scheduler {self._address} has had no worker for {NO_WORKER_S:g} s: start some, or see "
+                "in their logs why they have ended"
+            )
         return self._threads
 
-    def _give_up(self, address: str, name: object) -> None:
+    def _check_versions(self, workers: Mapping[str, Mapping[str, Any]]) -> None:
+        """Ask workers that were not there before for their packages: one without ps_fmu would end by the first batch.
+
+        Raises :class:`.rows.VersionError`.
+        """
+        expected = result_versions()
+        question = {"op": "versions", "packages": [name for name in expected if name != "python"]}
+        if new := workers.keys() - self._checked:
+            found = self._client.sync(
+                self._client.scheduler.broadcast, msg=question, workers=list(new), on_error="ignore",
+                callback_timeout=ANSWER_S,
+            )  # fmt: skip
+            for address, about in found.items():
+                check_versions(expected, clean_versions(about["packages"]), _name(address, workers[address]))
+                self._checked.add(address)
+
+    def _give_up(self, address: str, name: str) -> None:
         """Have the scheduler take a worker away, and its cases run elsewhere."""
         self._given_up.add(address)
         _say(
-            f"worker {name} ({address}) has not been heard of for {SILENT_S:g} s: it is stopped, or its machine or the "
+            f"{name} has not been heard of for {SILENT_S:g} s: it is stopped, or its machine or the "
             "network is down or overloaded.  Its cases run again elsewhere; where it has a nanny it is started anew"
         )
         ending = self._client.scheduler.restart_workers(
