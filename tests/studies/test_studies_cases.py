@@ -193,7 +193,7 @@ def test_a_case_that_hangs_is_ended(run_cases):
 def test_a_case_that_takes_all_memory_is_ended(run_cases):
     rows = run_cases([GAIN, {**GAIN, "toy.mode": "eat"}, GAIN], memory_bytes=1_000_000_000)
     assert [row["status"] for row in rows] == [DONE, KILLED, DONE]
-    assert "1000000000 bytes of memory" in rows[1]["error"]
+    assert "more than the 1000 MB of memory" in rows[1]["error"]
 
 
 def test_a_process_that_somebody_else_ends_does_not_cost_the_case(folder, run_cases, tmp_path):
@@ -296,7 +296,7 @@ def test_the_memory_of_the_fmus_counts(isolate):
     # The time-out cannot come first: on a busy machine an FMU takes seconds to fill 1 GB.
     rows = list(isolate('step_timeout = "1000 s"').run(enumerate([GAIN, {**GAIN, "toy.mode": "eat"}, GAIN])))
     assert [row["status"] for row in rows] == [DONE, KILLED, DONE]
-    assert "1000000000 bytes of memory" in rows[1]["error"]
+    assert "more than the 1000 MB of memory" in rows[1]["error"]
 
 
 def test_the_choice_travels_with_the_study(unpack):
