@@ -12,7 +12,6 @@ from scipy.signal import firwin, freqz, kaiser_beta
 from support.claims import verify_claim
 
 from ps_fmu.cosim import Column, Recorder, RecorderError, UsageError
-from ps_fmu.cosim.recording.columns_on_disk import iterate_blocks, read_chunk_rows, read_rows, write_rows
 from ps_fmu.cosim.recording.decimate import (
     EARLY_STOP_BAND_DB,
     HALF_LENGTH,
@@ -21,6 +20,7 @@ from ps_fmu.cosim.recording.decimate import (
     Decimator,
     _design_filter,
 )
+from ps_fmu.cosim.recording.delivery import iterate_blocks, read_chunk_rows, read_rows, write_rows
 from ps_fmu.cosim.recording.recorder import TIME_UNITS
 
 COLUMNS = [

@@ -11,7 +11,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.claims import verify_claim
 
-from ps_fmu.mechanism.forward_kinematics import ForwardKinematicsError, forward_kinematics
 from ps_fmu.mechanism.inverse_kinematics import (
     NotConvergedError,
     descend,
@@ -23,7 +22,7 @@ from ps_fmu.mechanism.inverse_kinematics import (
     why_unreachable,
     within_stroke,
 )
-from ps_fmu.mechanism.kinematics import KinematicsError, leg_lengths
+from ps_fmu.mechanism.kinematics import ForwardKinematicsError, KinematicsError, forward_kinematics, leg_lengths
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.mechanism.rotations import rotation_matrix
 

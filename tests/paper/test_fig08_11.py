@@ -16,7 +16,7 @@ from ps_fmu.paper.bus_cases import CASES
 from ps_fmu.paper.figures.fig08_11 import measured as transmissibility_measured
 from ps_fmu.paper.figures.fig08_11.measured import SETUPS, Setup
 from ps_fmu.paper.figures.fig08_11.report import analyse
-from ps_fmu.paper.figures.table2.closed_form import ORIENTATIONS
+from ps_fmu.paper.figures.table2.runs import ORIENTATIONS
 from ps_fmu.pointing.response import Response
 from ps_fmu.scenarios.shaking import Shaking, measure
 from ps_fmu.theory.transmissibility import from_base

@@ -11,7 +11,7 @@ from support.claims import verify_claim
 from ps_fmu.cli import main
 from ps_fmu.cosim.ssp.parameters import read_parameters
 from ps_fmu.interface.start_values import differences
-from ps_fmu.mechanism.forward_kinematics import ForwardKinematicsError
+from ps_fmu.mechanism.kinematics import ForwardKinematicsError
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.paper import workspace
 from ps_fmu.paper.identification import geometry, noise, steps, suspension

@@ -27,8 +27,7 @@ from ps_fmu.paper.figures.fig10 import report as stability
 from ps_fmu.paper.figures.fig10.closed_form import judge
 from ps_fmu.paper.figures.fig10.runs import SHAKING
 from ps_fmu.paper.figures.table2 import report as jitter
-from ps_fmu.paper.figures.table2.closed_form import ORIENTATIONS, knowledge_text
-from ps_fmu.paper.figures.table2.runs import nominal_densities
+from ps_fmu.paper.figures.table2.runs import ORIENTATIONS, knowledge_text, nominal_densities
 from ps_fmu.paper.published import published_numbers
 from ps_fmu.runs.scenario import SCENARIOS
 from ps_fmu.scenarios.shaking import Shaking

@@ -17,16 +17,25 @@ from support.claims import verify_claim
 from support.cosim import Collect
 from support.processes import PATIENCE_S, wait_until
 
-from ps_fmu.cosim import Master
+from ps_fmu.cosim import Column, Master
 from ps_fmu.pointing.indices import AbsoluteError, RelativeError
 from ps_fmu.requirements.quantity import Delay, Names, Time
 from ps_fmu.studies.case_runner import CaseRunner
-from ps_fmu.studies.observed import IndexRecord
+from ps_fmu.studies.observed import IndexRecord, find_signals
 from ps_fmu.studies.rows import DONE, FAILED, KILLED, LATE, StartError, VersionError
 from ps_fmu.studies.study import Observed
 from ps_fmu.studies.worker import CaseProcess
 
 GAIN = {"toy.gain": 1.5}
+
+
+def test_an_output_of_this_name_is_no_vector():
+    """As in requirements; a vector without its ``.x`` or ``_1`` has its components."""
+    columns = [Column(f"a.{name}", "m/s", "Real", "") for name in ("speed", "speed_2", "leg_1", "leg_2", "v.x", "v.y")]
+    assert find_signals(Observed(signal=Names(["a.speed"])), columns) == {"a.speed": 0}
+    assert find_signals(Observed(signal=Names(["a.leg", "a.v"])), columns) == {
+        "a.leg_1": 2, "a.leg_2": 3, "a.v.x": 4, "a.v.y": 5
+    }  # fmt: skip
 
 
 @pytest.fixture
@@ -201,7 +210,7 @@ def test_a_case_that_hangs_is_ended(run_cases):
 def test_a_case_that_takes_all_memory_is_ended(run_cases):
     rows = run_cases([GAIN, {**GAIN, "toy.mode": "eat"}, GAIN], memory_bytes=1_000_000_000)
     assert [row["status"] for row in rows] == [DONE, KILLED, DONE]
-    assert "1000000000 bytes of memory" in rows[1]["error"]
+    assert "more than the 1000 MB of memory" in rows[1]["error"]
 
 
 def test_a_process_that_somebody_else_ends_does_not_cost_the_case(folder, run_cases, tmp_path):
@@ -304,7 +313,7 @@ def test_the_memory_of_the_fmus_counts(isolate):
     # The time-out cannot come first: on a busy machine an FMU takes seconds to fill 1 GB.
     rows = list(isolate('step_timeout = "1000 s"').run(enumerate([GAIN, {**GAIN, "toy.mode": "eat"}, GAIN])))
     assert [row["status"] for row in rows] == [DONE, KILLED, DONE]
-    assert "1000000000 bytes of memory" in rows[1]["error"]
+    assert "more than the 1000 MB of memory" in rows[1]["error"]
 
 
 def test_the_choice_travels_with_the_study(unpack):
