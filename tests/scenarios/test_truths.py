@@ -321,6 +321,10 @@ def test_slew(make_options, ssv):
         }
         for what, case in held
     ]  # fmt: skip
+    off, on = (expected[case]["payload_rotation_rms_rad"] for case in ("isolator_off", "isolator_on"))
+    top = {"rms_passive_rad": off, "rms_active_rad": on, "rejection_percent": 100.0 * (1.0 - on / off)}
+    assert compare({key: summary[key] for key in top}, top) < 1e-9
+    assert summary.keys() == top.keys() | INPUTS - {"target_deg"} | WALL | {"slew", "indices"}
     reaction = slew.pop("reaction")
     verify_claim(
         "slew.numbers",
@@ -346,6 +350,8 @@ def test_pointing(make_options, ssv, capsys, monkeypatch):
     given = ssv({"commander.target.roll": 0.005, "commander.target.pitch": -0.004, "commander.min_duration": 3.0})
     summary, rows = run(make_options("pointing", duration_s, step_s=step, storage_step_s=step, parameters=(given,)))
     found = summary["pointing"]
+    assert {summary.pop(key) for key in ("rms_passive_rad", "rms_active_rad", "rejection_percent")} == {None}
+    assert summary.keys() == INPUTS - {"target_deg"} | WALL | {"pointing", "indices"}
     margins = found.pop("margins")
     assert [one["axis"] for one in margins] == list(AXES)  # tests/theory/test_line_of_sight.py
     time = np.arange(round(duration_s / step) + 1) * step
