@@ -4,6 +4,7 @@ import doctest
 import hashlib
 import json
 import re
+import shlex
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,6 +15,7 @@ import xarray
 from support.claims import verify_claim
 
 from ps_fmu import __version__
+from ps_fmu.cli import main
 from ps_fmu.cosim import Column, Recorder
 from ps_fmu.cosim.schemes.scheme import Iteration, Scheme, read_rate
 from ps_fmu.results.datasets import list_cases, read_case
@@ -76,6 +78,31 @@ def test_the_history_is_a_time_and_a_command_without_folders(done):
             file.history,
         )
     assert str(done.output.parent).encode() not in (done.output / "results.nc").read_bytes()
+
+
+def test_the_command_of_the_history_makes_the_same_rows(done, tmp_path, monkeypatch):
+    """Where its files are, in another folder."""
+    monkeypatch.chdir(done.parameters[0].parent)
+    with netCDF4.Dataset(done.output / "results.nc") as file:
+        words = shlex.split(file.history)[2:]
+    assert main([*words, "--output", str(tmp_path / "again"), "--no-figures"]) == 0
+    differ = []
+    for case in ("passive", "active"):
+        with (
+            xarray.open_dataset(done.output / "results.nc", group=case) as first,
+            xarray.open_dataset(tmp_path / "again" / "results.nc", group=case) as again,
+        ):
+            assert first.sizes == again.sizes and len(first) > 40
+            differ += [name for name in first if first[name].values.tobytes() != again[name].values.tobytes()]
+    verify_claim(
+        "run.history",
+        claim="The command in `history` makes the same run",
+        where="results.nc, attribute `history`",
+        reference="that command run in another folder: all stored rows, to the last bit",
+        error=len(differ),
+        bound=0,
+        unit="signals that differ",
+    )
 
 
 def test_the_command_names_a_recorded_disturbance(done, tmp_path):
