@@ -220,37 +220,6 @@ def test_period_of_the_disturbance(duration, period):
 QUICK_SLEW = {"commander.target.roll": math.radians(0.5), "plant.relinearisation_distance": 1e-3}
 
 
-def test_slew(make_options, ssv):
-    """0.5 deg in 10 s.  The platform arrives, the bus keeps no momentum, the fine legs make up for its rotation."""
-    options = make_options("slew", 73.0, step_s=0.02, parameters=(ssv(QUICK_SLEW),), figures=True)
-    summary = run(options)
-    check_files(options, ["isolator_off", "isolator_on"], 3651)
-    assert summary["orientation_deg"] == [0.5, 0.0, 0.0]
-    assert summary["warnings"] == []
-    slew = summary["slew"]
-    assert (slew["reachable"], slew["settled_60_s"]) == (True, True)
-    assert slew["profile_end_s"] == pytest.approx(11.0, abs=0.05)
-    assert slew["judged_s"] == pytest.approx(slew["profile_end_s"] + 60.0)
-    off, on = slew["isolator_off"], slew["isolator_on"]
-    for case in (off, on):
-        np.testing.assert_allclose(case["nominal_error_deg"], 0.0, atol=1e-8)
-        fine, bus, payload, left = (
-            np.array(case[f"{share}_deg"])
-            for share in (
-                "relative_less_nominal",
-                "bus_rotation_as_orientation",
-                "payload_rotation_as_orientation",
-                "left_over",
-            )
-        )
-        np.testing.assert_allclose(fine + bus - payload, left, atol=1e-15)
-        assert np.abs(left).max() < 1e-6 * np.abs(bus).max()
-    np.testing.assert_allclose(off["relative_error_deg"], 0.0, atol=1e-8)
-    assert np.abs(on["relative_error_deg"]).max() > 1e-5
-    assert np.abs(on["payload_rotation_rms_rad"]).max() < 0.5 * np.abs(off["payload_rotation_rms_rad"]).max()
-    assert summary["rms_active_rad"] == on["payload_rotation_rms_rad"]
-
-
 def test_momentum_says_how_the_bus_turns_by_a_slew(make_options, ssv, capsys):
     """What cannot be on target is a finding; its closed form is what the FMUs do.  Requirements alone have verdicts."""
     half_a_degree = {"commander.target.roll": math.radians(0.5)}
