@@ -1,4 +1,4 @@
-"""system/LineOfSight.ssd on the built FMUs: against one discrete system, cut open, and as a scenario."""
+"""system/LineOfSight.ssd on the built FMUs: against one discrete system, and cut open."""
 
 from dataclasses import replace
 from pathlib import Path
