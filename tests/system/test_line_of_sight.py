@@ -124,6 +124,15 @@ def test_the_loop_cut_open_is_the_closed_form(options):
     assert found.margins.crossover_hz == pytest.approx(expected.crossover_hz, rel=1e-3)
 
 
+@pytest.mark.parametrize(("step_s", "sample_s"), [(3e-4, 0.01), (1e-3, 0.003)])
+def test_samples_of_the_tracker_that_do_not_fit_are_refused_before_the_runs(options, ssv, step_s, sample_s):
+    given = options(3.0, step_s, parameters=(ssv({"tracker.sample_time": sample_s}),))
+    text = rf"--step: .* \(tracker\.sample_time = {sample_s:g} s\), .*; got {step_s:g} s"
+    with pytest.raises(OptionError, match=text):
+        execute(given)
+    assert not (given.output / "results.nc").exists()
+
+
 def test_a_system_without_a_tracker_is_refused_by_name(options):
     wrong = options(3.0, H, system=LINE_OF_SIGHT.with_name("SystemStructure.ssd"))
     with pytest.raises(OptionError, match="has no tracker and no pointing: take"):
