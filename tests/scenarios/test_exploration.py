@@ -65,8 +65,20 @@ def test_the_report_of_isolation_shows_what_was_stored(make_options):
     assert histories["axis"]["count"] == 501 and histories["axis"]["step"] == pytest.approx(1e-3)
     assert spectra["axis"]["logarithmic"] and len(spectra["charts"]) == 6
     assert [cloud["colour"] for cloud in data["clouds"][0]["clouds"]] == ["passive", "active"]
-    for cloud in data["clouds"][0]["clouds"]:  # as the axes beside it
-        assert re.fullmatch(r"\w+: RMS radius \d{1,3}(\.\d+)? [µnp]m", cloud["label"]), cloud["label"]
+    off = []
+    for cloud in data["clouds"][0]["clouds"]:
+        case, number, prefix = re.fullmatch(r"(\w+): RMS radius (\d{1,3}(?:\.\d+)?) ([µnp])m", cloud["label"]).groups()
+        los = np.array([stored(options, case, f"plant.los.{axis}") for axis in "xy"])
+        radius = np.sqrt(((los - los.mean(axis=1, keepdims=True)) ** 2).sum(axis=0).mean())
+        off.append(abs(float(number) * {"µ": 1e-6, "n": 1e-9, "p": 1e-12}[prefix] / radius - 1.0))
+    verify_claim(
+        "spectrum.image_radius",
+        claim="RMS radius of the image points, to three digits",
+        where="report of `ps-fmu run isolation`, `wheels`, `table2`: image point",
+        reference="distances from their mean by hand, on the stored rows",
+        error=max(off),
+        bound=0.005,
+    )
     off = []
     for motion, case in zip(data["mechanism"]["motions"], ("passive", "active"), strict=True):
         assert motion["label"] == case
