@@ -15,7 +15,6 @@ from ps_fmu.studies.outcome import (
     Output,
     Share,
     find_compliance,
-    find_influences,
     find_percentiles,
     find_worst,
 )
@@ -40,42 +39,6 @@ def make_outcome(read):
         return Outcome(Plan(study, made, draws, ()), table, outputs)
 
     return make
-
-
-def ishigami(shares):
-    x = (2.0 * shares - 1.0) * math.pi
-    return np.sin(x[:, 0]) + 7.0 * np.sin(x[:, 1]) ** 2 + 0.1 * x[:, 2] ** 4 * np.sin(x[:, 0])
-
-
-def test_sobol_indices_of_ishigamis_function_are_the_known_ones(make_outcome):
-    """T. Ishigami, T. Homma (1990); S = 0.3139, 0.4424, 0; total 0.5576, 0.4424, 0.2437."""
-    (found,) = find_influences(make_outcome("sobol-indices", 1024 * 5, 3, ishigami))
-    for name, known in (("sobol_first", [0.3139, 0.4424, 0.0]), ("sobol_total", [0.5576, 0.4424, 0.2437])):
-        assert found.measures[name] == pytest.approx(known, abs=0.02)
-        assert (found.measures[f"{name}_low"] < found.measures[name]).all()
-        assert (found.measures[f"{name}_high"] > found.measures[name]).all()
-    assert found.order == [0, 1, 2]
-
-
-def test_morris_effects_of_a_linear_function_are_its_slopes(make_outcome):
-    (found,) = find_influences(make_outcome("morris", 20 * 4, 3, lambda shares: shares @ np.array([3.0, -2.0, 0.0])))
-    assert found.measures["morris_mu_star"] == pytest.approx([3.0, 2.0, 0.0], abs=1e-12)
-    assert found.measures["morris_sigma"] == pytest.approx([0.0, 0.0, 0.0], abs=1e-12)
-
-
-def test_rank_correlations_see_through_a_monotonic_function(make_outcome):
-    outcome = make_outcome("random", 200, 2, lambda shares: np.exp(-9.0 * shares[:, 1]))
-    (found,) = find_influences(outcome)
-    assert found.rank_correlation[1] == pytest.approx(-1.0, abs=1e-12)
-    assert abs(found.rank_correlation[0]) < 4.0 / math.sqrt(200)
-
-
-def test_cases_without_a_result_are_left_out_of_a_ranking(make_outcome):
-    outcome = make_outcome("random", 50, 1, lambda shares: shares[:, 0])
-    outcome.table.loc[3, OUTPUT.name] = np.nan
-    outcome.table.loc[3, "status"] = "failed"
-    (found,) = find_influences(outcome)
-    assert found.rank_correlation[0] == pytest.approx(1.0, abs=1e-12)
 
 
 def test_intervals_of_percentiles_hold_the_true_ones_as_often_as_they_say(make_outcome):
