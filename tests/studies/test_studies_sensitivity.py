@@ -13,8 +13,9 @@ from scipy.stats import norm
 from ps_fmu.requirements.quantity import Names
 from ps_fmu.studies.factors import Factor, Spread
 from ps_fmu.studies.plan import Plan, make_shares
-from ps_fmu.studies.sensitivity import CONFIDENCE, FALSE_SHARE, estimate_share, find_influences, make_basis
+from ps_fmu.studies.sensitivity import find_influences
 from ps_fmu.studies.study import Vary
+from ps_fmu.studies.variance import CONFIDENCE, FALSE_SHARE, estimate_share, make_basis
 
 UNIFORM, NORMAL = Spread(-math.sqrt(3.0), math.sqrt(3.0)), Spread(-math.inf, math.inf, 0.0, 1.0)  # of variance 1
 CUBE = Spread(0.0, 1.0)

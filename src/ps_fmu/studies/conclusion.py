@@ -37,7 +37,6 @@ from .outcome import (
 )
 from .preparation import list_columns
 from .rows import SIGNALS, list_reasons, list_stored
-from .sensitivity import Estimate, Influence
 from .study import LATIN, LIST, MORRIS, SAMPLES, SOBOL, SOBOL_INDICES
 from .sweep import Prepared, SweepOptions
 
@@ -95,8 +94,8 @@ def _rank_factors(outcome: Outcome, output: Output) -> tuple[list[float], list[s
     if influence is None:
         return [], [], ""
     places = range(len(outcome.plan.factors))
-    texts = [describe_factor(influence, place, output.unit) or describe_floor(influence) for place in places]
-    return [influence.strength(place) for place in places], texts, describe_left(influence, outcome)
+    texts = [influence.describe(place, output.unit) or influence.describe_floor() for place in places]
+    return [influence.strength(place) for place in places], texts, influence.describe_left(outcome.plan)
 
 
 def _cut(error: str) -> str:
@@ -298,9 +297,9 @@ def _tabulate_ranking(outcome: Outcome) -> Table:
         influence = outcome.influences.get(output.name)
         if influence is None or len(rows) == MOST_ROWS:
             continue
-        texts = [(outcome.plan.factors[k].name, describe_factor(influence, k, output.unit)) for k in influence.order]
+        texts = [(outcome.plan.factors[k].name, influence.describe(k, output.unit)) for k in influence.order]
         said = "; ".join(f"{name} {text}" for name, text in texts[:STRONGEST] if text)
-        rows.append((output.title, said or "none", describe_floor(influence), describe_left(influence, outcome)))
+        rows.append((output.title, said or "none", influence.describe_floor(), influence.describe_left(outcome.plan)))
     header = ("output", "the strongest first", "others", "what is left")
     told = [place for place in range(4) if any(row[place] for row in rows)]
     measure = EFFECT if outcome.plan.study.plan == MORRIS else f"{SHARE}, with its {100 * CONFIDENCE:g} % interval"
@@ -308,52 +307,6 @@ def _tabulate_ranking(outcome: Outcome) -> Table:
         f"What the outputs depend on: {measure}", [header[place] for place in told],
         [[row[place] for place in told] for row in rows],
     )  # fmt: skip
-
-
-def describe_factor(influence: Influence, place: int, unit: str) -> str:
-    """How strongly an output depends on a factor, and how; nothing where that cannot be told from chance."""
-    if influence.effects:
-        size, spread = influence.effects[place]
-        return f"{size:.3g} {unit} (standard deviation {spread:.2g})" + _continue(influence.shapes[place])
-    share = influence.shares[place]
-    total = influence.totals[place] if influence.totals else None
-    with_others = "" if total is None else f"{_percent(total)} with others"
-    if share is not None:
-        return _percent(share) + _continue(influence.shapes[place]) + _continue(with_others)
-    return f"below the noise floor, {with_others}" if total and total.lower > (influence.floor or 0.0) else ""
-
-
-def describe_floor(influence: Influence) -> str:
-    """What a share below the noise floor is less than; nothing where shares are exact, or there are none."""
-    return "" if influence.floor is None else f"not above the noise floor, {_number(influence.floor)} %"
-
-
-def describe_left(influence: Influence, outcome: Outcome) -> str:
-    """What no factor explains by itself, and why not; nothing where that is not known."""
-    if influence.left is None:
-        return ""
-    names = [factor.name for factor in outcome.plan.factors]
-    why = ["the seed"] if outcome.plan.is_noisy else []
-    why += ["what acts together"] if len(names) > 1 else []
-    text = f"{_percent(influence.left)} by {' and by '.join(why or ['what no curve follows'])}"
-    for (i, j), share in influence.pairs.items():
-        text += f"; {names[i]} together with {names[j]} {_percent(share)}"
-    return text
-
-
-def _continue(text: str) -> str:
-    return f", {text}" if text else ""
-
-
-def _percent(share: Estimate) -> str:
-    """A share with its interval; an exact one without."""
-    interval = "" if share.lower == share.upper else f" ({_number(share.lower)} to {_number(share.upper)})"
-    return f"{_number(share.value)} %{interval}"
-
-
-def _number(share: float) -> str:
-    """In per cent."""
-    return f"{100.0 * share:.0f}" if share == 0.0 or share >= 0.0995 else f"{100.0 * share:.1f}"
 
 
 def summarise(outcome: Outcome, prepared: Prepared, options: SweepOptions) -> dict[str, object]:
@@ -394,32 +347,10 @@ def summarise(outcome: Outcome, prepared: Prepared, options: SweepOptions) -> di
         "failed": [
             {"case": case, "status": status, "error": error} for case, status, error in find_failed(outcome)
         ],
-        "sensitivity": {name: _summarise_influence(one, names) for name, one in outcome.influences.items()},
+        "sensitivity": {name: one.as_dict(names) for name, one in outcome.influences.items()},
         "notes": list_notes(outcome),
         "versions": versions(),
     }  # fmt: skip
-
-
-def _summarise_influence(influence: Influence, names: Sequence[str]) -> dict[str, object]:
-    """The entry of an output: shares with their intervals; null where that cannot be told from chance."""
-
-    def state(share: Estimate | None) -> dict[str, float] | None:
-        return None if share is None else share._asdict()
-
-    shapes = dict(zip(names, influence.shapes, strict=True))
-    if influence.effects:
-        effects = [{"mu_star": size, "sigma": spread} for size, spread in influence.effects]
-        return {"effects": dict(zip(names, effects, strict=True)), "shape": shapes}
-    return {
-        "share": dict(zip(names, map(state, influence.shares), strict=True)),
-        "shape": shapes,
-        "noise_floor": influence.floor,
-        "left": state(influence.left),
-        "together": [
-            {"factors": [names[i], names[j]], **share._asdict()} for (i, j), share in influence.pairs.items()
-        ],
-        **({"total": dict(zip(names, map(state, influence.totals), strict=True))} if influence.totals else {}),
-    }
 
 
 def describe_parameters(outcome: Outcome) -> dict[str, object]:

@@ -49,16 +49,12 @@ def draw_cases(study: Study, factors: Sequence[Factor]) -> Array:
     """
     if study.plan in (GRID, LIST):
         return _combine_levels(study, factors)
-    shares = study_shares(study, len(factors))
+    rng = np.random.default_rng(np.random.SeedSequence(study.seed, spawn_key=(0,)))
+    shares = make_shares(study, len(factors), rng)
     correlation = join_correlations(study, [factor.name for factor in factors])
     if correlation is not None:
         shares = correlate(shares, correlation)
     return np.column_stack([factor.draw(column) for factor, column in zip(factors, shares.T, strict=True)])
-
-
-def study_shares(study: Study, factors: int) -> Array:
-    """:func:`make_shares` with the random numbers of the study: the same for the same seed."""
-    return make_shares(study, factors, np.random.default_rng(np.random.SeedSequence(study.seed, spawn_key=(0,))))
 
 
 def make_shares(study: Study, factors: int, rng: np.random.Generator) -> Array:
