@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy.stats import norm
+from support.claims import verify_claim
 
 from ps_fmu.pointing.confidence import quantile
 from ps_fmu.pointing.interpretation import Interpretation
@@ -114,8 +115,15 @@ def test_intervals_of_the_probability_hold_the_true_one_as_often_as_they_say(mak
         for one in find_compliance(replace(outcome, outputs=outputs)):
             low, high = one.below.interval()
             held += low <= probability <= high
-    # Less three standard deviations of 500 trials.  Clopper and Pearson's interval is conservative.
-    assert held / 500 >= 0.9 - 3.0 * math.sqrt(0.09 / 500)
+    verify_claim(
+        "study.probability",
+        claim="Probability of meeting a requirement, with its 90 % interval",
+        where="`ps-fmu sweep`: table, summary.json, study page",
+        reference="500 studies of 64 cases, each of three plans, whose probabilities are 0.5, 0.9 and 0.98",
+        error=0.9 - held / 500,
+        bound=0.04,
+        unit="of the studies; three standard deviations of the count",
+    )
 
 
 def state_all(outcome):
@@ -139,7 +147,15 @@ def test_a_plan_that_is_no_sample_has_no_statement_on_all_possible_cases(require
     for text in ("probability  ", "Clopper", "confidence,", "possible cases", "independent", "90 % intervals"):
         assert text not in said, text
     assert "7 of 10" in said
-    assert f"The plan '{plan}' is no sample of the dispersed system" in said
+    verify_claim(
+        "study.no_sample",
+        claim="... a plan that is no sample has no probability, interval or statement over all cases, and says so",
+        where="`ps-fmu sweep`, plans grid, list, morris, sobol-indices: tables and notes",
+        reference="the texts that only a sample has",
+        error=float(f"The plan '{plan}' is no sample of the dispersed system" not in said),
+        bound=0.0,
+        unit="texts that are wrong",
+    )
 
 
 @pytest.mark.parametrize("interpretation", ["ensemble", "mixed", "temporal"])
@@ -169,7 +185,15 @@ def test_a_bound_from_one_record_of_noise_does_not_hold_for_others():
         cases = 1.0 + 0.001 * rng.standard_normal(45)  # of a parameter
         bound = quantile(cases * (1.0 + 0.1 * rng.standard_normal()), 0.95, 0.9).bound
         above.append(norm.sf(bound, 1.0, 0.1))
-    assert np.mean(np.array(above) <= 0.05) < 0.5  # 90 % is what independent cases have
+    verify_claim(
+        "study.shared_noise",
+        claim="... no verdict over all cases where all cases have one record of noise",
+        where="`ps-fmu sweep`, seeds = common, ensemble and mixed requirements: table, summary.json",
+        reference="400 studies of 45 cases: so many would have a bound of the 95 % quantile that holds, with 90 % said",
+        error=np.mean(np.array(above) <= 0.05),
+        bound=0.5,
+        unit="of the studies",
+    )
 
 
 def test_seeds_that_all_cases_have_are_found(make_prepared):
