@@ -149,11 +149,11 @@ def test_what_stops_is_noticed_within_ten_seconds(monkeypatch):
     assert [silences.find({"one": {"last_seen": 5.0}}) for clock[0] in (1e7, 1e7 + 0.1, 2e7, 2e7 + 0.1)] == [set()] * 4
 
 
-def test_a_scheduler_that_is_stopped_is_noticed(opened, hand_started, monkeypatch):
+def test_a_scheduler_that_is_stopped_is_noticed(opened, by_hand, monkeypatch):
     """It keeps its connections: nothing but its silence tells of it."""
     monkeypatch.setattr(cluster, "WATCH_S", 0.2)
     monkeypatch.setattr(cluster, "ANSWER_S", 1.0)
-    (_, address, *_), (process, *_) = hand_started
+    address, process = by_hand
     said = rf"the scheduler {address} has not answered for 3 s: it is stopped, .*: continue it, or start another one"
     with cluster.connect(address, None, PATIENCE_S) as client, pytest.raises(ClusterError, match=said):
         dispatch(client, opened, lambda *_: process.send_signal(signal.SIGSTOP))
@@ -232,9 +232,9 @@ def test_a_study_goes_over_tls(opened, tmp_path):
     assert list_cases(opened) == list(range(6))
 
 
-def test_a_scheduler_that_ends_is_noticed(opened, hand_started, capfd):
+def test_a_scheduler_that_ends_is_noticed(opened, by_hand, capfd):
     """When a batch has come in, and before one; at once, although the scheduler had long to answer at first."""
-    (_, address, *_), (process, *_) = hand_started
+    address, process = by_hand
     lost = pytest.raises(ClusterError, match=f"the scheduler {address} is lost")
     with cluster.connect(address, None, PATIENCE_S) as client:
         later = make_dispatcher(client, opened)

@@ -24,12 +24,13 @@ from ps_fmu.cli import main
 from ps_fmu.studies.case_runner import CaseRunner
 from ps_fmu.studies.rows import DONE, FAILED, FILE, KILLED, MEASURED, RowStore
 
-from .conftest import OBSERVE, STUDY, list_missing
+from .conftest import OBSERVE, STUDY, list_missing, start_by_hand
 
 SOAK = bool(os.environ.get("PS_FMU_SOAK"))
 KILLS = 10 if SOAK else 1
 SLOW = '[[vary]]\nparameter = "slowness"\ndistribution = "uniform"\nlow = "1e-3"\nhigh = "2e-3"\n'
 MANY = {"cases = 6": "cases = 12", "[[observe]]": SLOW + "[[observe]]"}
+PATIENT = ("--scheduler-timeout", f"{PATIENCE_S:g}")
 HELD = 20  # cases of a study that is disturbed
 LARGE, DISTURBANCES = (10_000, 9) if SOAK else (200, 3)
 """Cases of a study whose workers and cases end, at about one in a minute under ``make soak``; how many do."""
@@ -187,11 +188,9 @@ def test_a_case_again_has_the_same_bits_and_all_signals(write_study, sweep, tmp_
     assert "has the cases 0 to 5, got 6" in errors
 
 
-def test_workers_started_by_hand_give_identical_rows(
-    write_study, make_prepared, sweep, undisturbed, hand_started, tmp_path
-):
-    scheduler, _ = hand_started
-    code, _, errors = sweep(write_study(changes=MANY), *scheduler)
+def test_workers_started_by_hand_give_identical_rows(write_study, make_prepared, sweep, undisturbed, tmp_path):
+    with start_by_hand(tmp_path) as (address, _):
+        code, _, errors = sweep(write_study(changes=MANY), "--scheduler", address, *PATIENT)
     assert code == 0, errors
     assert read(tmp_path / "out") == undisturbed(make_prepared(changes=MANY), tmp_path)
     workers = set(pq.read_table(tmp_path / "out" / "study.parquet")["worker"].to_pylist())
@@ -286,15 +285,15 @@ def test_a_study_that_is_ended_is_resumed(
 
 @pytest.mark.parametrize("kill", range(KILLS))
 def test_a_study_that_loses_its_scheduler_is_resumed_elsewhere(
-    write_study, make_prepared, start, sweep, undisturbed, hand_started, hold, tmp_path, kill
+    write_study, make_prepared, start, sweep, undisturbed, by_hand, hold, tmp_path, kill
 ):
-    scheduler, processes = hand_started
+    address, scheduler = by_hand
     text, gate = hold()
     study, folder = write_study(text), tmp_path / "out"
-    process = start(study, *scheduler)
+    process = start(study, "--scheduler", address, *PATIENT)
     wait_until(lambda: count_stored(folder) > kill or process.poll() is not None)
     assert process.poll() is None, process.communicate()
-    end_with_children(processes[0])
+    end_with_children(scheduler)
     gate.unlink()
     _, errors = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 1
