@@ -213,9 +213,10 @@ def test_cases_that_kill_their_process_do_not_take_others_along(write_study, swe
 
 def test_a_study_outlives_its_workers_and_cases(make_prepared, write_study, start, undisturbed, hold, tmp_path):
     """Of which one in a hundred fails: the rows are those of a study that nobody disturbs."""
-    gains = sorted(make_prepared(changes={"cases = 6": f"cases = {LARGE}"}).plan.draws[:, 0].tolist())
-    failing = f'"toy.mode" = "raise"\n"toy.limit" = {gains[-LARGE // 100 - 1]!r}'
-    text, gate = hold(LARGE, failing, SLOW if SOAK else "")
+    slow = SLOW if SOAK else ""
+    plan = make_prepared(STUDY.replace("cases = 6", f"cases = {LARGE}") + slow + OBSERVE).plan
+    failing = f'"toy.mode" = "raise"\n"toy.limit" = {sorted(plan.draws[:, 0].tolist())[-LARGE // 100 - 1]!r}'
+    text, gate = hold(LARGE, failing, slow)
     prepared, folder, rng = make_prepared(text), tmp_path / "out", random.Random(1)
     process = start(write_study(text), "--workers", "2")
     for number in range(DISTURBANCES):
@@ -245,7 +246,8 @@ def test_a_study_that_is_wrong_ends_with_its_first_cases(write_study, sweep, tmp
     code, printed, errors = sweep(study)
     assert (code, printed) == (1, "")
     assert "all 5 cases that were tried first have failed:\n  5 failed, as case 0: SlaveError: toy: " in errors
-    assert re.search("the model broke.*\nCorrect the study, and name another --output.  --resume runs the oth", errors)
+    advice = "the model broke.*\nCorrect the study, and name another --output.  --resume runs the other 3"
+    assert re.search(advice, errors)
     assert len(read(tmp_path / "out")) == 5
     code, printed, errors = sweep(study, "--resume")
     assert code == 0, errors

@@ -24,10 +24,10 @@ from ..cosim.checkpoint.warm_start import WarmStart
 from ..cosim.documents import read_document
 from ..cosim.isolation.instance import Isolation
 from ..cosim.schemes.scheme import Scheme
+from ..files.archive import compute_digest
 from ..requirements.quantity import make_value
 from ..results.summary import versions
 from ..runs.setup import RunSystem, identify_fmus
-from ..slavekit.pack.files import compute_digest
 from .plan import Plan
 from .rows import VersionError, write_durably
 from .study import Observed, StudyError

@@ -17,7 +17,7 @@ from ..cosim.faults.binding import bind_faults
 from ..cosim.faults.numbers import change_numbers
 from ..cosim.faults.reading import read_faults
 from ..cosim.signals import read_signals
-from ..cosim.system_json import decode_system
+from ..cosim.structure import decode_system
 from ..pointing.interpretation import Interpretation
 from ..requirements.decision import pack_distribution
 from ..requirements.requirement import read_requirements

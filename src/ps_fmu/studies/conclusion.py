@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
+from ..files.plain import write_atomically
 from ..pointing.confidence import Statement
 from ..requirements.requirement import read_requirements
 from ..requirements.verdict import Answer
@@ -23,7 +24,6 @@ from ..results.report import Picture, Report
 from ..results.style import ACTIVE, PASSIVE, REFERENCE, draw, engineering, largest, pretty
 from ..results.summary import FmuFile, plain, versions
 from ..results.tables import Table
-from ..slavekit.pack.files import write_atomically
 from .outcome import (
     CONFIDENCE,
     PROBABILITIES,

@@ -21,8 +21,7 @@ from ..cosim.faults.numbers import change_numbers
 from ..cosim.graph import check_wiring
 from ..cosim.schemes.resolving import resolve_scheme
 from ..cosim.ssp.reading import complete_experiment, read_any_system
-from ..cosim.structure import Experiment
-from ..cosim.system_json import encode_system
+from ..cosim.structure import Experiment, encode_system
 from ..product.files import find_product
 from ..requirements.quantity import Names, Time
 from ..runs.built_fmus import find_built_folder, is_own, list_models, provide_fmus
