@@ -11,6 +11,7 @@ import signal
 import subprocess
 import sys
 from functools import cache
+from itertools import zip_longest
 from pathlib import Path
 
 import netCDF4
@@ -18,6 +19,7 @@ import psutil
 import pyarrow.parquet as pq
 import pytest
 from support.archives import put, rewrite
+from support.claims import verify_claim
 from support.processes import PATIENCE_S, end_with_children, read_command, wait_until
 
 from ps_fmu.cli import main
@@ -74,6 +76,11 @@ def open_store(folder):
 def read(folder):
     """Rows of a study but for what was measured."""
     return [{name: value for name, value in row.items() if name not in MEASURED} for row in open_store(folder).read()]
+
+
+def count_others(rows, expected):
+    """How many of two lists of rows are not the same."""
+    return sum(one != other for one, other in zip_longest(rows, expected))
 
 
 @pytest.fixture(scope="session")
@@ -192,9 +199,18 @@ def test_workers_started_by_hand_give_identical_rows(write_study, make_prepared,
     with start_by_hand(tmp_path) as (address, _):
         code, _, errors = sweep(write_study(changes=MANY), "--scheduler", address, *PATIENT)
     assert code == 0, errors
-    assert read(tmp_path / "out") == undisturbed(make_prepared(changes=MANY), tmp_path)
+    rows, expected = read(tmp_path / "out"), undisturbed(make_prepared(changes=MANY), tmp_path)
     workers = set(pq.read_table(tmp_path / "out" / "study.parquet")["worker"].to_pylist())
     assert {worker.split("@")[0] for worker in workers} == {"node1", "node2"}
+    verify_claim(
+        "study.rows_of_a_cluster",
+        claim="Rows of a study on workers of a dask scheduler",
+        where="study.parquet, and all that a study says",
+        reference="the same cases in one process on the same machine",
+        error=count_others(rows, expected),
+        bound=0.0,
+        unit="rows that differ",
+    )
 
 
 def test_cases_that_kill_their_process_do_not_take_others_along(write_study, sweep, tmp_path):
@@ -207,8 +223,18 @@ def test_cases_that_kill_their_process_do_not_take_others_along(write_study, swe
     expected = {"none": DONE, "exit": KILLED, "crash": KILLED, "raise": "failed"}
     assert [row["status"] for row in rows] == [expected[mode] for mode in modes]
     assert "4 cases have no result" in printed
-    assert re.search("  2 failed, as case 3: SlaveError: toy: .*the model broke.*\n", printed)
     assert "signal SIGSEGV" in printed
+    reasons = re.findall(r"  (\d) (failed|killed its process), as case (\d): .*(model broke|code 3|SIGSEGV)", printed)
+    expected = {("2", "failed", "3", "model broke"), ("1", KILLED, "0", "code 3"), ("1", KILLED, "2", "SIGSEGV")}
+    verify_claim(
+        "study.reasons_of_failures",
+        claim="Status of each case, and why cases have no result, with counts",
+        where="`ps-fmu sweep`: warnings on terminal and study page, table of cases without a result",
+        reference="cases that are made to raise, to exit and to crash, among others that run",
+        error=len(expected ^ set(reasons)),
+        bound=0.0,
+        unit="reasons that differ",
+    )
 
 
 def test_a_study_outlives_its_workers_and_cases(make_prepared, write_study, start, undisturbed, hold, tmp_path):
@@ -234,9 +260,17 @@ def test_a_study_outlives_its_workers_and_cases(make_prepared, write_study, star
     gate.unlink()
     _, errors = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 0, errors
-    rows = read(folder)
+    rows, expected = read(folder), undisturbed(prepared, tmp_path)
     assert [row["status"] for row in rows].count(FAILED) == LARGE // 100
-    assert rows == undisturbed(prepared, tmp_path)
+    verify_claim(
+        "study.rows_of_a_disturbed_study",
+        claim="Rows of a study on several processors, whose workers and processes end in the middle of cases",
+        where="study.parquet, and all that a study says",
+        reference="the same cases one after another in one process, where nothing ends",
+        error=count_others(rows, expected),
+        bound=0.0,
+        unit="rows that differ",
+    )
 
 
 def test_a_study_that_is_wrong_ends_with_its_first_cases(write_study, sweep, tmp_path):
