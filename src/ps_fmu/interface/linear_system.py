@@ -9,22 +9,22 @@ from typing import TypeVar
 
 import numpy as np
 
-from ...actuators.voice_coil import Coils
-from ...control.isolator import Isolator
-from ...control.pointing import PointingLaw
-from ...cosim import System, Value
-from ...disturbance import default_settings
-from ...disturbance.total import DisturbanceSettings
-from ...mechanism.linear_model import Plant
-from ...mechanism.parameters import load
-from ...mechanism.quantities import Array, Complex, ParameterError, take_values
-from ...mechanism.signals import OUTPUTS
-from ...pointing.modal import ModalResponse, StateSpace
-from ...sensors.inertial import InertialSensors, default_sensors
-from ...sensors.line_of_sight import DEFAULT_TRACKER, Tracker
-from ...theory.line_of_sight import SampledPointing, Timing, close_loop
-from ...theory.loop import Loop, loop_of
-from ...theory.sampled import (
+from ..actuators.voice_coil import Coils
+from ..control.isolator import Isolator
+from ..control.pointing import PointingLaw
+from ..cosim import System, Value
+from ..disturbance import default_settings
+from ..disturbance.total import DisturbanceSettings
+from ..mechanism.linear_model import Plant
+from ..mechanism.parameters import load
+from ..mechanism.quantities import Array, Complex, ParameterError, take_values
+from ..mechanism.signals import OUTPUTS
+from ..pointing.modal import ModalResponse, StateSpace
+from ..sensors.inertial import InertialSensors, default_sensors
+from ..sensors.line_of_sight import DEFAULT_TRACKER, Tracker
+from ..theory.line_of_sight import SampledPointing, Timing, close_loop
+from ..theory.loop import Loop, loop_of
+from ..theory.sampled import (
     FORCES,
     WRENCH,
     Block,
@@ -47,7 +47,7 @@ OUTPUT_NAMES = tuple(name for signal in OUTPUTS for name in signal.names)
 T = TypeVar("T")
 
 
-class BudgetError(ValueError):
+class LinearModelError(ValueError):
     """A system or a source that the closed form does not know; the text says which, and what to do."""
 
 
@@ -152,31 +152,32 @@ class Circuit:
         for wire in self.model.system.connections:
             if str(wire.source) == output:
                 return str(wire.target)
-        raise BudgetError(f"{output}: it is connected with nothing")
+        raise LinearModelError(f"{output}: it is connected with nothing")
 
 
 def read_model(system: System, step: float | None = None) -> SystemModel:
     """The model of a system, with its start values; those that it does not give are those of the FMUs.
 
-    ``step``: s; None: that of the system.  Raises :class:`BudgetError` for a component that the closed form does not
-    know, and ``ParameterError`` for an impossible value.
+    ``step``: s; None: that of the system.  Raises :class:`LinearModelError` for a component that the closed form does
+    not know, and ``ParameterError`` for an impossible value.
     """
     components = {component.source.stem: component.name for component in system.components}
     for fmu in components:
         if fmu not in KNOWN:
             known = ", ".join(KNOWN)
-            raise BudgetError(f"{components[fmu]}: there is no closed form of the FMU {fmu}; there is of {known}")
+            raise LinearModelError(f"{components[fmu]}: there is no closed form of the FMU {fmu}; there is of {known}")
     if len(components) < len(system.components):
         names = [component.source.stem for component in system.components]
         twice = next(fmu for fmu in names if names.count(fmu) > 1)
-        raise BudgetError(f"{system.path.name}: a budget is of one {twice}, there are {names.count(twice)}")
+        raise LinearModelError(f"{system.path.name}: the closed form is of one {twice}, there are {names.count(twice)}")
     if missing := [fmu for fmu in NEEDED if fmu not in components]:
-        raise BudgetError(f"{system.path.name}: a budget needs the FMU {missing[0]}")
+        raise LinearModelError(f"{system.path.name}: the closed form needs the FMU {missing[0]}")
     h = step or system.experiment.step or STEP
     p, isolator, commander = load(), _given(system, components[ISOLATOR]), _given(system, components[COMMANDER])
     orientation = np.array([float(commander.get(f"target.{angle}", 0.0)) for angle in ("roll", "pitch", "yaw")])
     if isolator.get("sample_time"):
-        raise BudgetError(f"{components[ISOLATOR]}.sample_time: there is no closed form of a digital isolator; set 0 s")
+        name = f"{components[ISOLATOR]}.sample_time"
+        raise LinearModelError(f"{name}: there is no closed form of a digital isolator; set 0 s")
     plant = _take(system, components[PLANT], Plant.from_parameters(p))
     controller = _take(system, components[ISOLATOR], Isolator.from_parameters(p))
     looped = TRACKER in components and POINTING in components
