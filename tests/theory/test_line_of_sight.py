@@ -89,11 +89,5 @@ def test_without_the_isolator_the_loop_keeps_margins_too():
     assert all(margins.met for margins in find_margins(replace(LOOP, isolated=False)))
 
 
-def test_noise_of_the_tracker_is_what_the_target_makes():
-    """At low frequencies the payload follows: density 2 T sigma^2."""
-    density = LOOP.noise_density(np.array([2j * np.pi * 1e-3]), np.array([1e-6, 2e-6, 0.0]))[0]
-    np.testing.assert_allclose(np.diag(density), 0.02 * np.array([1e-12, 4e-12, 0.0]), rtol=1e-3, atol=1e-20)
-
-
 def test_the_paper_set_is_the_default():
     assert PointingLaw.from_parameters(PAPER).payload.com_P.tolist() == PAPER.known_com_P.tolist()

@@ -1,11 +1,16 @@
-"""The linear model of a system description, and the sources of error in it: what its FMUs step, in closed form."""
+"""The linear model of a system description: what its FMUs step, in closed form, and whether its loops are stable.
+
+With the forces of isolator and line-of-sight controller cut, what is left is stable.  M(z), from the forces that act
+to those that the two demand in answer, has the critical point +1: poles of the closed loops are zeros of det(E - M),
+with delays as long as they are.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -17,7 +22,7 @@ from ..disturbance import default_settings
 from ..disturbance.total import DisturbanceSettings
 from ..mechanism.linear_model import Plant
 from ..mechanism.parameters import load
-from ..mechanism.quantities import Array, Complex, ParameterError, take_values
+from ..mechanism.quantities import Array, Complex, ParameterError, list_entries, take_values
 from ..mechanism.signals import OUTPUTS
 from ..pointing.modal import ModalResponse, StateSpace
 from ..sensors.inertial import InertialSensors, default_sensors
@@ -26,14 +31,18 @@ from ..theory.line_of_sight import SampledPointing, Timing, close_loop
 from ..theory.loop import Loop, loop_of
 from ..theory.sampled import (
     FORCES,
+    LONGEST_DELAY,
     WRENCH,
     Block,
+    SampledSystem,
     connect,
     make_coils_block,
     make_isolator_block,
     make_plant_block,
     make_sensors_block,
 )
+from ..theory.stability import UnstableError, find_growing, find_unstable, refine_pole
+from ..theory.transfer_matrices import place_frequencies
 
 STEP = 1e-4  # s, where the description states none
 PLANT, ISOLATOR, SOURCE, COMMANDER = "ManipulatorPlant", "FeedforwardIsolator", "DisturbanceSource", "PointingCommander"
@@ -43,12 +52,39 @@ KNOWN = (*NEEDED, SENSORS, COILS, TRACKER, POINTING)
 #: What the tracker sees: the boresight, which truss modes turn, and the roll of the platform.
 SEEN = ("line_of_sight.x", "line_of_sight.y", "payload_rotation.z")
 OUTPUT_NAMES = tuple(name for signal in OUTPUTS for name in signal.names)
+LOWEST = 1e-7  # Hz, of the curve that poles are counted by
+DAMPING = tuple(f"fine_leg_{leg}.damping" for leg in (1, 2, 3))
+#: What stability depends on: parameters by FMU, those together that are turned together.
+TURNED: Mapping[str, Sequence[tuple[str, ...]]] = {
+    PLANT: (("bus.mass",), DAMPING),
+    ISOLATOR: (
+        ("delay",), ("filters.lowpass_stop_frequency",), ("filters.highpass_frequency",),
+        ("filters.highpass_damping_ratio",), ("payload.mass",),
+    ),
+    SENSORS: (("latency",), ("accelerometer.bandwidth",)),
+    COILS: (("driver.bandwidth",),),
+    TRACKER: (("sample_time",), ("latency",)),
+    POINTING: (
+        ("delay",), ("sample_time",), ("loop.crossover_frequency",), ("loop.integral_frequency",),
+        ("loop.rolloff_frequency",),
+    ),
+}  # fmt: skip
+SHOWN = 3  # of these that are said to matter
+SMALL_TURN = 0.01  # of a parameter, for the derivative of a pole
+_AT_ONCE = 64  # frequencies
 
 T = TypeVar("T")
 
 
 class LinearModelError(ValueError):
     """A system or a source that the closed form does not know; the text says which, and what to do."""
+
+
+class Turned(NamedTuple):
+    """A parameter that stability depends on."""
+
+    value: float
+    unit: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,11 +101,22 @@ class SystemModel:
     tracker: Tracker | None
     pointing: SampledPointing | None
     step: float  # s
+    turned: Mapping[str, Turned]  # the parameters in TURNED, by ``component.parameter``
 
     @property
     def name(self) -> str:
         """Of the file of its description."""
         return self.system.path.stem
+
+    @property
+    def groups(self) -> list[list[str]]:
+        """Names of :attr:`turned`, those together that are turned together."""
+        return [
+            [f"{self.component(fmu)}.{name}" for name in names]
+            for fmu, groups in TURNED.items()
+            if fmu in self.components
+            for names in groups
+        ]
 
     def component(self, fmu: str) -> str:
         """Name of the component that an FMU of this name is."""
@@ -91,10 +138,13 @@ class Circuit:
     @cached_property
     def blocks(self) -> dict[str, Block]:
         """By the name of the component."""
+        return self._make_blocks(self.model.isolator_delay)
+
+    def _make_blocks(self, isolator_delay: float) -> dict[str, Block]:
         m, h = self.model, self.model.step
         found = {PLANT: make_plant_block(m.loop.model, h)}
         if self.active:
-            found[ISOLATOR] = make_isolator_block(m.loop.controller, h, m.isolator_delay)
+            found[ISOLATOR] = make_isolator_block(m.loop.controller, h, isolator_delay)
         if m.sensors is not None and self.active:
             found[SENSORS] = make_sensors_block(m.sensors, h)
         if m.coils is not None:
@@ -121,11 +171,123 @@ class Circuit:
         found = self._connect([], []).poles
         return np.asarray(found[np.isfinite(found)])
 
+    @cached_property
+    def unstable(self) -> Complex:
+        """Poles in the right half-plane, loops closed, rad/s, the one farthest to the right first."""
+        if self.closed or self.model.isolator_delay > LONGEST_DELAY * self.model.step:
+            return find_unstable(self.characteristic, self.frequencies)
+        return find_growing(self.poles)
+
+    def require_stable(self) -> None:
+        """Raise :class:`..theory.stability.UnstableError`, with poles and what moves them, if a loop is unstable."""
+        if len(self.unstable):
+            case = "active" if self.active else "passive"
+            raise UnstableError(f"{self.model.system.path.name}, {case}", self.unstable, self.advise())
+
+    @property
+    def loops(self) -> tuple[str, ...]:
+        """FMUs whose forces close a loop."""
+        return (*([ISOLATOR] if self.active else []), *([POINTING] if self.closed else []))
+
+    def open_loops(self, s: Complex) -> Complex:
+        """M (n, k, k), k = 3 for each of :attr:`loops`, critical point +1, at complex frequencies (n,), rad/s."""
+        m, opened = self.model, self._opened
+        point = np.expm1(s * m.step) / m.step
+        drive, unit = opened.B.astype(complex), np.eye(len(opened.A))
+        parts = np.array_split(point[:, None, None], len(point) // _AT_ONCE + 1)
+        M = np.concatenate([opened.C @ np.linalg.solve(part * unit - opened.A, drive) for part in parts])
+        M[:, :3] *= np.exp(-s * m.isolator_delay)[:, None, None]
+        if self.closed:
+            assert m.pointing is not None
+            M[:, 3:] = -m.pointing.response(s) @ M[:, 3:]
+        return np.asarray(M)
+
+    def cut_loop(self, fmu: str, s: Complex) -> Complex:
+        """M (n, 3, 3) of one of :attr:`loops` with the other closed, critical point +1."""
+        M = self.open_loops(s)
+        own = slice(3 * self.loops.index(fmu), 3 * self.loops.index(fmu) + 3)
+        if len(self.loops) == 1:
+            return M
+        rest = slice(3, 6) if own.start == 0 else slice(0, 3)
+        inner = np.linalg.solve(np.eye(3) - M[:, rest, rest], M[:, rest, own])
+        return np.asarray(M[:, own, own] + M[:, own, rest] @ inner)
+
+    def characteristic(self, s: Complex) -> Complex:
+        """det(E - M) without the poles at zero that the controller's integrators have, (n,), at s (n,), rad/s."""
+        found = np.linalg.det(np.eye(3 * len(self.loops)) - self.open_loops(s))
+        if self.closed:
+            assert self.model.pointing is not None
+            h, pointing = self.model.step, self.model.pointing
+            axes = 3 if pointing.roll_measured else 2
+            point = np.expm1(s * h) / h
+            found = found * (point / (point + 1.0)) ** (axes * pointing.control.integrators)
+        return np.asarray(found)
+
+    def advise(self) -> str:
+        """What makes an unstable loop stable: no delay, or the parameters that move its rightmost pole most."""
+        late = [name for name, entry in self.model.turned.items() if name.endswith(".delay") and entry.value]
+        without = [name for name in late if not len(self._turn({name: 0.0}).unstable)]
+        said = [f"Without {name} ({self._show(name)}) it is stable" for name in without]
+        return ". ".join([*said, *self._list_slopes(late)])
+
+    def _list_slopes(self, late: Sequence[str]) -> Iterator[str]:
+        """The parameters that move the rightmost pole most, those that are no delay: a sentence, or none."""
+        pole, slopes = complex(self.unstable[0]), []
+        for names in self.model.groups:
+            if names[0] in late or not self.model.turned[names[0]].value or np.isnan(pole):
+                continue
+            moved = self._track({name: self.model.turned[name].value * (1.0 + SMALL_TURN) for name in names}, pole)
+            slope = 0.0 if moved is None else (moved - pole).real / SMALL_TURN
+            if slope > 0.0 or not names[0].endswith(("latency", "sample_time")):  # nobody makes them longer
+                slopes.append((abs(slope), "lower" if slope > 0.0 else "raise", names[0]))
+        best = [
+            f"{way} {name.replace('_1.', '_*.')} ({self._show(name)}), {-0.1 * slope:.2g} rad/s"
+            for slope, way, name in sorted(slopes, reverse=True)[:SHOWN]
+        ]
+        if best:
+            yield f"What moves the pole most, and by how much for a tenth of it: {'; '.join(best)}"
+
+    def _show(self, name: str) -> str:
+        entry = self.model.turned[name]
+        return f"{entry.value:g} {entry.unit}"
+
+    def _turn(self, values: Mapping[str, float]) -> Circuit:
+        """The same with other values.  Raises ``ParameterError`` where there is no closed form of them."""
+        return Circuit(read_model(self.model.system.with_parameters(values)), self.active)
+
+    def _track(self, values: Mapping[str, float], pole: complex) -> complex | None:
+        """Where a pole goes with other values; None: it is not found, or a time is no whole number of steps."""
+        try:
+            return refine_pole(self._turn(values).characteristic, pole)
+        except ParameterError:
+            return None
+
+    @cached_property
+    def _opened(self) -> SampledSystem:
+        """From the forces of :attr:`loops` to the isolator's demand, without its delay, and what the tracker sees."""
+        m = self.model
+        blocks = self._make_blocks(0.0)
+        cut = [f"{m.component(fmu)}.{name}" for fmu in self.loops for name in FORCES]
+        wires = [(str(wire.source), str(wire.target)) for wire in m.system.connections if str(wire.source) not in cut]
+        outputs = [*(cut[:3] if self.active else ()), *(f"{m.component(PLANT)}.{name}" for name in SEEN if self.closed)]
+        return connect(blocks, wires, [self._find_target(name) for name in cut], outputs, m.step)
+
+    @cached_property
+    def frequencies(self) -> Array:
+        """Hz, of a curve that poles are counted by; dense around those of the loops cut open."""
+        h = self.model.step
+        values = np.linalg.eigvals(self._opened.A).astype(complex)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            poles: Complex = np.asarray(np.log1p(h * values) / h)
+        return place_frequencies(poles[np.isfinite(poles)], LOWEST, 0.5 / h, 150, 8)
+
     def respond(self, frequency: Array, signals: Sequence[str], sources: Sequence[str]) -> ModalResponse:
         """By mode, from the channels of some sources (FMUs, in the order of :attr:`channels`) to outputs of the plant.
 
-        Modes are those without a line-of-sight loop; where it is closed, they are what it acts against.
+        Modes are those without a line-of-sight loop; where it is closed, they are what it acts against.  Raises
+        :class:`..theory.stability.UnstableError`: an unstable loop has no response.
         """
+        self.require_stable()
         sources = [fmu for fmu in self.channels if fmu in sources]
         if not self.closed:
             return self._connect(self._list_inputs(sources), signals).modal_response(frequency)
@@ -133,7 +295,7 @@ class Circuit:
         inputs = self._list_inputs([*(fmu for fmu in sources if fmu != TRACKER), TRACKER])
         found = self._connect(inputs, [*signals, *SEEN]).modal_response(frequency)
         answers, errors = found.parts[:, :, : len(signals)], found.parts[:, :, len(signals) :].sum(axis=0)
-        K = self.model.pointing.response(frequency)
+        K = self.model.pointing.response(np.asarray(2j * np.pi * frequency))
         parts = close_loop(K, errors, answers, slice(len(inputs) - 3, None))
         return ModalResponse(found.modes, parts if TRACKER in sources else parts[..., :-3])
 
@@ -193,7 +355,22 @@ def read_model(system: System, step: float | None = None) -> SystemModel:
         tracker,
         None if tracker is None else _make_pointing(system, components[POINTING], tracker, orientation, h),
         h,
+        dict(_list_turned(system, components)),
     )
+
+
+def _list_turned(system: System, components: Mapping[str, str]) -> Iterator[tuple[str, Turned]]:
+    """The parameters in TURNED by name."""
+    p = load()
+    physics = {
+        PLANT: Plant.from_parameters(p), ISOLATOR: Isolator.from_parameters(p), SENSORS: default_sensors(),
+        COILS: Coils.from_parameters(p), TRACKER: DEFAULT_TRACKER, POINTING: PointingLaw.from_parameters(p),
+    }  # fmt: skip
+    for fmu in TURNED.keys() & components.keys():
+        given, known = _given(system, components[fmu]), {entry.name: entry for entry in list_entries(physics[fmu])}
+        for name in (name for names in TURNED[fmu] for name in names):
+            value, unit = (known[name].value, known[name].unit) if name in known else (0.0, "s")  # of delays
+            yield f"{components[fmu]}.{name}", Turned(float(given.get(name, value)), unit)
 
 
 def limit_response(found: ModalResponse) -> Complex:
