@@ -94,7 +94,7 @@ def test_a_budget_of_an_unstable_loop_is_refused_with_its_pole(built_fmus, small
                  "--parameters", str(small_satellite), str(ssv({LOWPASS: 300.0}))]  # fmt: skip
     assert main(["analyse", "budget", *arguments]) == 1
     said = capsys.readouterr().err
-    assert "SystemStructure.ssd, active: the closed loop is unstable, a pair of poles at +9.82 +/- 593.5i rad/s" in said
+    assert "SystemStructure.ssd, active: the closed loop is unstable: a pair of poles at +9.82 +/- 593.5i rad/s" in said
     assert "(94.47 Hz, damping ratio -0.0165), and 2 more in the right half-plane" in said
     assert f"raise {LOWPASS} (300 Hz), -5.4 rad/s" in said
     assert not (tmp_path / "out").exists()

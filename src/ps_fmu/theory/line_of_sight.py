@@ -198,17 +198,17 @@ class AxisMargins:
     modulus: float
     """Least distance of the loop transfer from -1: 1 over the peak of its sensitivity."""
 
-    @property
-    def met(self) -> bool:
-        """At least 6 dB and 30 deg."""
-        return self.gain_db >= LEAST_GAIN_DB and self.phase_deg >= LEAST_PHASE_DEG
-
 
 def find_margins(pointing: PointingLoop, frequency: Array | None = None) -> tuple[AxisMargins, ...]:
     """Margins of the three axes in closed form, at frequencies (n,), Hz."""
     frequency = pointing.frequencies() if frequency is None else frequency
     L = pointing.transfer(2j * np.pi * frequency)
     return tuple(margins_of(frequency, cut_axis(L, k), axis) for k, axis in enumerate(AXES))
+
+
+def keeps_margins(margins: AxisMargins | CommonMargins) -> bool:
+    """At least 6 dB and 30 deg."""
+    return margins.gain_db >= LEAST_GAIN_DB and margins.phase_deg >= LEAST_PHASE_DEG
 
 
 def find_loop_margins(pointing: PointingLoop, frequency: Array | None = None) -> CommonMargins:

@@ -45,7 +45,8 @@ class UnstableError(ValueError):
     """
 
     def __init__(self, where: str, poles: Complex, advice: str = "") -> None:
-        super().__init__(f"{where}: {describe_unstable(poles)}. It has no stationary answer. {advice or ADVICE}")
+        said = f"{where}: the closed loop is unstable: {describe_unstable(poles)}. It has no stationary answer"
+        super().__init__(f"{said}. {advice or ADVICE}")
         self.poles = poles
 
 
@@ -56,12 +57,12 @@ ADVICE = (
 
 
 def describe_unstable(poles: Complex) -> str:
-    """That a loop is unstable, with its ``poles`` in the right half-plane, the one farthest to the right first."""
+    """The ``poles`` of an unstable loop in the right half-plane, the one farthest to the right first."""
     pole = complex(poles[0])
     if np.isnan(pole):
-        return f"the closed loop is unstable, {len(poles)} poles are in the right half-plane"
+        return f"{len(poles)} poles are in the right half-plane"
     more = f", and {rest} more in the right half-plane" if (rest := len(poles) - (2 if pole.imag else 1)) else ""
-    return f"the closed loop is unstable, {describe_pole(pole)}{more}"
+    return f"{describe_pole(pole)}{more}"
 
 
 def describe_pole(pole: complex) -> str:
