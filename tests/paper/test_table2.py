@@ -9,10 +9,11 @@ import pytest
 from ps_fmu.analyses.table import AnalysisOptions
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.paper.figures.table2 import report as jitter
-from ps_fmu.paper.figures.table2.closed_form import LOOP_DELAY, ORIENTATIONS
+from ps_fmu.paper.figures.table2.closed_form import ORIENTATIONS
 from ps_fmu.paper.figures.table2.runs import shares
 from ps_fmu.runs.scenario import SCENARIOS
 from ps_fmu.theory.loop import loop_at
+from ps_fmu.theory.sampled import LOOP_DELAY
 from ps_fmu.theory.transmissibility import jitter_density
 
 

@@ -84,7 +84,8 @@ def describe(pointing: Pointing) -> list[str]:
 
 
 def _describe_margins(axes: Sequence[AxisMargins], common: CommonMargins) -> str:
-    kept = "kept" if all(map(keeps_margins, (*axes, common))) else "NOT kept"
+    judged: list[AxisMargins | CommonMargins] = [*axes, common]
+    kept = "kept" if all(map(keeps_margins, judged)) else "NOT kept"
     delay = "any delay" if np.isinf(common.delay_s) else f"a delay of {1e3 * common.delay_s:.0f} ms"
     way = "falls" if common.lowers else "rises"
     gain, phase = min(axis.gain_db for axis in axes), min(axis.phase_deg for axis in axes)

@@ -17,7 +17,6 @@ from ....theory.loop import loop_at
 from ....theory.transmissibility import Jitter, jitter
 from ...published import published_numbers
 
-LOOP_DELAY = 1.5  # steps: the exchange takes one, and a force that is held for a step is late by half a step
 #: Orientations of Table 2 (deg) by their names in published.csv.
 ORIENTATIONS: dict[str, tuple[float, float, float]] = {
     "nominal": (0.0, 0.0, 0.0),

@@ -10,7 +10,8 @@ import numpy as np
 from ....mechanism.parameters import Array
 from ....results.style import ACTIVE, AXES, PASSIVE, REFERENCE
 from ....results.tables import format_angles
-from .closed_form import LOOP_DELAY, ORIENTATIONS, published_value
+from ....theory.sampled import LOOP_DELAY
+from .closed_form import ORIENTATIONS, published_value
 from .runs import OrientationResult, compute_rms_below
 
 if TYPE_CHECKING:

@@ -22,10 +22,11 @@ from ....runs.scenario import SCENARIOS, Scenario
 from ....runs.setup import RunSystem
 from ....scenarios.comparison import HEADER, Comparison, explain_refusal, make_rows
 from ....scenarios.exploration import explore_comparisons
+from ....theory.sampled import LOOP_DELAY
 from ...cosimulation import hold_run
 from ...published import make_finding, published_numbers
 from . import closed_form, runs
-from .closed_form import LOOP_DELAY, ORIENTATIONS, published_value, rejection
+from .closed_form import ORIENTATIONS, published_value, rejection
 from .plots import paint_cumulative, paint_image, paint_rms
 from .runs import OrientationResult, list_cases, measure
 

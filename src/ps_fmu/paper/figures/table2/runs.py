@@ -23,8 +23,9 @@ from ....runs.run import Run
 from ....runs.setup import MULTISINE, RunSystem
 from ....scenarios.comparison import CASES, Comparison, compare, run_cases
 from ....theory.loop import loop_at
+from ....theory.sampled import LOOP_DELAY
 from ....theory.transmissibility import Jitter, jitter, jitter_density, jitter_of_lines
-from .closed_form import LOOP_DELAY, ORIENTATIONS, closed_form
+from .closed_form import ORIENTATIONS, closed_form
 
 Triple = tuple[float, float, float]
 PERIOD = "disturbance.noise.period"
