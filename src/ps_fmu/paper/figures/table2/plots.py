@@ -11,8 +11,7 @@ from ....mechanism.parameters import Array
 from ....results.style import ACTIVE, AXES, PASSIVE, REFERENCE
 from ....results.tables import format_angles
 from ....theory.sampled import LOOP_DELAY
-from .closed_form import ORIENTATIONS, published_value
-from .runs import OrientationResult, compute_rms_below
+from .runs import ORIENTATIONS, OrientationResult, compute_rms_below, published_value
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
