@@ -164,7 +164,15 @@ def test_the_loop_run_at_its_edge_decays_within_the_common_margins_and_grows_bey
             changed = Circuit(read_model(system.with_parameters({name: value}), H), True)
             assert (len(changed.unstable) > 0) == (share > 1.0)
             errors.append(abs(found - refine_pole(changed.characteristic, found)))
-    assert max(errors) < 1e-3  # rad/s
+    verify_claim(
+        "stability.edge",
+        claim="Gain and delay common to all axes at which the line-of-sight loop is at its edge; its pole there",
+        where="`ps-fmu run pointing`, `ps-fmu analyse stability`: margins of the loop as a whole",
+        reference="free motion of the FMUs 2 % within and beyond each edge, by the eigensystem realisation",
+        error=max(errors),
+        bound=1e-3,
+        unit="rad/s",
+    )
 
 
 def test_the_scenario(options, ssv, capsys, monkeypatch):

@@ -7,10 +7,11 @@ import pytest
 from control import disk_margins, ss
 from scipy.optimize import minimize
 from scipy.special import lambertw
+from support.claims import verify_claim
 
 from ps_fmu.control.pointing import PointingLaw
 from ps_fmu.mechanism.parameters import load
-from ps_fmu.theory.line_of_sight import PointingLoop, Timing, find_loop_margins
+from ps_fmu.theory.line_of_sight import PointingLoop, Timing, find_loop_margins, find_margins
 from ps_fmu.theory.loop import loop_at
 from ps_fmu.theory.stability import (
     UnstableError,
@@ -57,7 +58,15 @@ def test_poles_in_the_right_half_plane_are_those_of_lamberts_function(gains):
         return delayed_integrators(gains, s)
 
     assert count_poles(characteristic, GRID) == len(expected)
-    np.testing.assert_allclose(find_unstable(characteristic, GRID), expected, rtol=1e-6)
+    found = find_unstable(characteristic, GRID)
+    verify_claim(
+        "stability.poles",
+        claim="Poles of an unstable loop in the right half-plane: how many, and where",
+        where="refusal of every linear answer: `ps-fmu analyse budget`, `stability`, `ps-fmu run pointing`",
+        reference="delayed integrators by Lambert's function, up to five pairs of poles and three within 0.006 rad/s",
+        error=np.inf if len(found) != len(expected) else np.abs(found / expected - 1.0) if len(found) else 0.0,
+        bound=1e-6,
+    )
     if len(expected):
         for shift in (0.99, 1.01):
             line = shift * expected[0].real
@@ -154,7 +163,14 @@ def test_the_disk_margin_of_several_axes_is_that_of_the_worst_changes():
         starts = np.random.default_rng(1).uniform(0.0, 2.0 * np.pi, (30, 3))
         return min(minimize(of, start, method="Nelder-Mead").fun for start in starts)
 
-    assert distance(found.disk) < 1e-3 * distance(0.9 * found.disk)
+    verify_claim(
+        "stability.disk_margin",
+        claim="Disk margin of a loop: gain and phase of each axis by itself, all at the same time",
+        where="`ps-fmu run pointing`, `ps-fmu analyse stability`: margins",
+        reference="the least singular value of the changed loop, by a search over the phases of the changes",
+        error=distance(found.disk) / distance(0.9 * found.disk),
+        bound=1e-3,
+    )
     assert found.disk_gain_db < found.gain_db
     assert found.disk_phase_deg < found.phase_deg
 
@@ -197,3 +213,42 @@ def test_no_response_of_an_unstable_isolator():
             answer(late, np.array([1j]), active=True)
     poles = caught.value.poles
     np.testing.assert_allclose(poles, late.poles()[: len(poles)], rtol=1e-8)
+
+
+def count_with_gains(pointing, gains):
+    """Poles in the right half-plane with a gain of its own on each axis."""
+
+    def characteristic(s):
+        outer = np.linalg.det(np.eye(3) + pointing.transfer(s) * np.asarray(gains))
+        return outer * pointing.loop.characteristic(s) * (s / (s + 1.0)) ** 6
+
+    return count_poles(characteristic, np.geomspace(1e-5, 1e4, 300))
+
+
+def test_margins_of_one_axis_are_edges_while_the_others_stay():
+    pointing = make_pointing()
+    worst = 0.0
+    for axis, margins in enumerate(find_margins(pointing)):
+        for share in (0.999, 1.001):
+            gains = np.ones(3)
+            gains[axis] = 10.0 ** (share * margins.gain_db / 20.0)
+            assert (count_with_gains(pointing, gains) > 0) == (share > 1.0)
+        worst = max(worst, 0.001 * margins.gain_db)
+    verify_claim(
+        "stability.margins_of_an_axis",
+        claim="Gain margin of one axis of the line-of-sight loop, the others closed",
+        where="`ps-fmu run pointing`, `ps-fmu analyse stability`: table of margins",
+        reference="poles of the loop with the gain of this axis 0.1 % of the margin below and above it, counted",
+        error=worst,
+        bound=0.02,
+        unit="dB",
+    )
+
+
+def test_gains_within_the_disk_keep_the_loop_stable_and_one_beyond_its_edge_does_not():
+    pointing = make_pointing()
+    common = find_loop_margins(pointing)
+    random = np.random.default_rng(5)
+    for exponents in (*random.uniform(-1.0, 1.0, (12, 3)), *random.choice([-1.0, 1.0], (6, 3))):
+        assert count_with_gains(pointing, 10.0 ** (exponents * common.disk_gain_db / 20.0)) == 0
+    assert count_with_gains(pointing, np.full(3, 10.0 ** ((common.gain_db + 0.02) / 20.0))) == 2

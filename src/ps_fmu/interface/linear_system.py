@@ -1,8 +1,7 @@
 """The linear model of a system description: what its FMUs step, in closed form, and whether its loops are stable.
 
-With the forces of isolator and line-of-sight controller cut, what is left is stable.  M(z), from the forces that act
-to those that the two demand in answer, has the critical point +1: poles of the closed loops are zeros of det(E - M),
-with delays as long as they are.
+With isolator and line-of-sight loop cut, what is left is stable.  M(z), from what the cuts put in to what comes back,
+has the critical point +1: poles of the closed loops are zeros of det(E - M), with delays as long as they are.
 """
 
 from __future__ import annotations
@@ -174,9 +173,14 @@ class Circuit:
     @cached_property
     def unstable(self) -> Complex:
         """Poles in the right half-plane, loops closed, rad/s, the one farthest to the right first."""
-        if self.closed or self.model.isolator_delay > LONGEST_DELAY * self.model.step:
+        if self.closed or self.has_long_delay:
             return find_unstable(self.characteristic, self.frequencies)
         return find_growing(self.poles)
+
+    @property
+    def has_long_delay(self) -> bool:
+        """The isolator's delay is too long for states of it."""
+        return self.active and self.model.isolator_delay > LONGEST_DELAY * self.model.step
 
     def require_stable(self) -> None:
         """Raise :class:`..theory.stability.UnstableError`, with poles and what moves them, if a loop is unstable."""
@@ -190,7 +194,10 @@ class Circuit:
         return (*([ISOLATOR] if self.active else []), *([POINTING] if self.closed else []))
 
     def open_loops(self, s: Complex) -> Complex:
-        """M (n, k, k), k = 3 for each of :attr:`loops`, critical point +1, at complex frequencies (n,), rad/s."""
+        """M (n, k, k), k = 3 for each of :attr:`loops`, critical point +1, at complex frequencies (n,), rad/s.
+
+        The isolator is cut at its forces, the line-of-sight loop at the errors that the tracker sees.
+        """
         m, opened = self.model, self._opened
         point = np.expm1(s * m.step) / m.step
         drive, unit = opened.B.astype(complex), np.eye(len(opened.A))
@@ -199,7 +206,8 @@ class Circuit:
         M[:, :3] *= np.exp(-s * m.isolator_delay)[:, None, None]
         if self.closed:
             assert m.pointing is not None
-            M[:, 3:] = -m.pointing.response(s) @ M[:, 3:]
+            M[:, :, 3:] = M[:, :, 3:] @ m.pointing.response(s)
+            M[:, 3:] *= -1.0
         return np.asarray(M)
 
     def cut_loop(self, fmu: str, s: Complex) -> Complex:
@@ -275,11 +283,18 @@ class Circuit:
     @cached_property
     def frequencies(self) -> Array:
         """Hz, of a curve that poles are counted by; dense around those of the loops cut open."""
-        h = self.model.step
+        return place_frequencies(self.open_poles, LOWEST, 0.5 / self.model.step, 150, 8)
+
+    @cached_property
+    def open_poles(self) -> Complex:
+        """Of the loops cut open, (n,), rad/s."""
+        h, pointing = self.model.step, self.model.pointing
         values = np.linalg.eigvals(self._opened.A).astype(complex)
         with np.errstate(divide="ignore", invalid="ignore"):
-            poles: Complex = np.asarray(np.log1p(h * values) / h)
-        return place_frequencies(poles[np.isfinite(poles)], LOWEST, 0.5 / h, 150, 8)
+            found = np.log1p(h * values) / h
+        if self.closed and pointing is not None:
+            found = np.concatenate([found, np.linalg.eigvals(pointing.control.matrices()[0])])
+        return np.asarray(found[np.isfinite(found)])
 
     def respond(self, frequency: Array, signals: Sequence[str], sources: Sequence[str]) -> ModalResponse:
         """By mode, from the channels of some sources (FMUs, in the order of :attr:`channels`) to outputs of the plant.

@@ -192,7 +192,7 @@ class AxisMargins:
     gain_db: float
     """Least distance of the gain from 0 dB where the phase is -180 deg, either way; inf: it is nowhere."""
     phase_deg: float
-    """Least phase above -180 deg where the gain is 0 dB."""
+    """Least distance of the phase from -180 deg where the gain is 0 dB, either way; inf: it is nowhere."""
     crossover_hz: float
     """Where that is."""
     modulus: float
@@ -218,12 +218,12 @@ def find_loop_margins(pointing: PointingLoop, frequency: Array | None = None) ->
 
 
 def margins_of(frequency: Array, response: Complex, axis: str) -> AxisMargins:
-    """Margins of a loop transfer (n,) at frequencies (n,), Hz, against the point -1, by python-control."""
+    """Margins of a loop transfer (n,) of a stable loop at frequencies (n,), Hz, against -1, by python-control."""
     from control import frd, stability_margins  # 1 s to import
 
     found = stability_margins(frd(response, 2.0 * np.pi * frequency, smooth=True), returnall=True)
     gains, phases, moduli, _, crossings, _ = (np.atleast_1d(values) for values in found)
-    gain_db = np.abs(20.0 * np.log10(gains))
+    gain_db, phases = np.abs(20.0 * np.log10(gains)), np.abs(phases)
     least = int(np.argmin(phases)) if phases.size else None
     return AxisMargins(
         axis,

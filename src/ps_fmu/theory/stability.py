@@ -22,6 +22,7 @@ from dataclasses import dataclass
 from itertools import permutations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..mechanism.quantities import Array, Complex
 
@@ -32,6 +33,7 @@ _SMALL = 1e-4  # of a frequency, for a derivative
 _FINEST = 1e-9  # of a frequency, between the points of a curve
 _FARTHEST = 1e6  # rad/s, of a line from the imaginary axis
 _TRIED, _STEPS = 3, 60  # starts of Newton's method on a line, besides the number of poles; its steps
+_ASIDE = 1e-3 * (1.0 + 1.0j)  # of an open-loop pole, from where the search for one of the closed loop begins
 _PEAKS = 5  # frequencies at which the structured singular value is made exact
 
 Characteristic = Callable[[Complex], Complex]
@@ -98,9 +100,7 @@ def find_unstable(characteristic: Characteristic, frequency: Array) -> Complex:
     s, turn, slope = _follow(characteristic, frequency, 0.0)
     count, shift = round(-float(turn.sum()) / np.pi), 0.1  # rad/s
     while len(found := [pole for pole in known if pole.real > 0.0]) < count and shift < _FARTHEST:
-        steep = np.abs(slope)
-        peaks = np.flatnonzero((steep >= np.r_[0.0, steep[:-1]]) & (steep > np.r_[steep[1:], 0.0]))
-        for start in s[peaks[np.argsort(-steep[peaks])]][: count + _TRIED]:
+        for start in s[_find_peaks(slope)[: count + _TRIED]]:
             while (pole := refine_pole(characteristic, complex(start), known)) is not None:
                 known += [pole] if not pole.imag else [pole, pole.conjugate()]
                 if pole.real <= 0.0:
@@ -109,6 +109,27 @@ def find_unstable(characteristic: Characteristic, frequency: Array) -> Complex:
         shift *= 2.0
     missing = np.full(max(count - len(found), 0), np.nan)
     return np.concatenate([sort_poles(np.array(found, dtype=complex)), missing])
+
+
+def find_poles(characteristic: Characteristic, opened: Complex) -> Complex:
+    """Poles of the closed loop that oscillate, above the real axis, the one farthest to the right first, rad/s.
+
+    ``opened``: poles of the loop cut open.  From each of them Newton's method goes to one of the closed loop; of the
+    infinitely many that a delay makes, those are left out that are farther to the left.
+    """
+    known: list[complex] = []
+    for start in opened[opened.imag > 0.0]:
+        pole = refine_pole(characteristic, complex(start) * (1.0 + _ASIDE), known, opened)
+        if pole is not None and pole.imag:
+            known += [pole, pole.conjugate()]
+    return sort_poles(np.array([pole for pole in known if pole.imag > 0.0], dtype=complex))
+
+
+def _find_peaks(slope: Complex) -> NDArray[np.intp]:
+    """Places of the largest magnitudes of slopes (n,), the largest first: beside zeros."""
+    steep = np.abs(slope)
+    peaks = np.flatnonzero((steep >= np.r_[0.0, steep[:-1]]) & (steep > np.r_[steep[1:], 0.0]))
+    return np.asarray(peaks[np.argsort(-steep[peaks])])
 
 
 def _follow(characteristic: Characteristic, frequency: Array, shift: float) -> tuple[Complex, Array, Complex]:
@@ -138,21 +159,27 @@ def _differentiate(characteristic: Characteristic, frequency: Array, shift: floa
     return value, (ahead / value - 1.0) / small
 
 
-def refine_pole(characteristic: Characteristic, start: complex, known: Iterable[complex] = ()) -> complex | None:
+def refine_pole(
+    characteristic: Characteristic, start: complex, known: Iterable[complex] = (), opened: Iterable[complex] = ()
+) -> complex | None:
     """The zero near ``start``, rad/s, by Newton's method, above the real axis; None where it does not converge.
 
-    ``known``: zeros that it does not find again; their factors are divided out.
+    ``known``: zeros that it does not find again; their factors are divided out.  ``opened``: poles of the function, for
+    zeros right beside them; their factors are multiplied with it.
     """
-    s, others = start, list(known)
+    s, zeros, poles = start, np.array(list(known), dtype=complex), np.array(list(opened), dtype=complex)
     for _ in range(_STEPS):
         h = 1e-6 * abs(s)
-        here, ahead, behind = characteristic(np.array([s, s + h, s - h]))
-        with np.errstate(all="ignore"):
-            growth = (ahead - behind) / (2.0 * h * here) - sum(1.0 / (s - other) for other in others)
+        with np.errstate(all="ignore"):  # far to the left a delay is beyond all numbers
+            try:
+                here, ahead, behind = characteristic(np.array([s, s + h, s - h]))
+            except np.linalg.LinAlgError:  # right on a pole of the open loop
+                return None
+            growth = (ahead - behind) / (2.0 * h * here) - np.sum(1.0 / (s - zeros)) + np.sum(1.0 / (s - poles))
             step = complex(1.0 / growth)
-        s -= step
-        if not abs(s - start) < 2.0 * abs(start):
-            return None
+            s -= step
+            if not np.abs(s - start) < 2.0 * abs(start):
+                return None
         if abs(step) <= 1e-8 * abs(s):
             return complex(s.real, abs(s.imag) if abs(s.imag) > 1e-7 * abs(s) else 0.0)
     return None
