@@ -12,6 +12,7 @@ from ..results.figures import Painter
 from .built_fmus import find_built_folder, provide_fmus
 from .keeping import keep_run
 from .options import OptionError, RunOptions
+from .output import remove_old_values
 from .publish import Done, Findings, publish
 from .runner import Runner
 from .setup import RunSystem, load_system, read_files, settle_times
@@ -105,6 +106,7 @@ def execute(options: RunOptions, show: Callable[[str], None] = print) -> Done:
     OptionError: an option cannot be honoured, as the system shows.
     CosimError, OSError, ValueError: the FMUs cannot be run, or results cannot be written.
     """
+    remove_old_values(options)
     with keep_run(options), Painter() if options.figures else nullcontext() as painter:
         run = Run(options)
         findings = find(run)
