@@ -225,8 +225,7 @@ def test_a_process_of_its_own_draws_the_same(tmp_path):
         folder.mkdir()
     expected = figures.draw_exploration(make_exploration(), own)
     with Painter() as painter:
-        painter.begin(make_exploration(), other)
-        found = painter.finish()
+        found = painter.begin(make_exploration(), other)()
     assert [(one.path.name, one.caption) for one in found] == [(one.path.name, one.caption) for one in expected]
     for name in ("a.png", "b.png", "c.png"):
         assert (other / name).read_bytes() == (own / name).read_bytes()
@@ -234,19 +233,26 @@ def test_a_process_of_its_own_draws_the_same(tmp_path):
 
 def test_figures_that_cannot_be_drawn_say_why(tmp_path):
     with Painter() as painter:
-        painter.begin(make_exploration(), tmp_path / "nowhere")
-        with pytest.raises(OSError, match=r"figures could not be drawn: .*No such file"):
-            painter.finish()
+        wait = painter.begin(make_exploration(), tmp_path / "nowhere")
+        with pytest.raises(OSError, match=r"No such file.*nowhere"):
+            wait()
     with Painter() as painter:  # one that nobody asks
         process = painter._process
     assert process.returncode == -signal.SIGKILL
 
 
+def test_figures_of_a_process_that_is_killed_are_drawn_here(tmp_path):
+    with Painter() as painter:
+        wait = painter.begin(make_exploration(), tmp_path)
+        painter._process.kill()
+        assert [one.path.name for one in wait()] == ["a.png", "b.png", "c.png"]
+    assert all((tmp_path / name).is_file() for name in ("a.png", "b.png", "c.png"))
+
+
 def test_without_another_process_figures_are_drawn_here(tmp_path, monkeypatch):
     monkeypatch.setattr(sys, "executable", str(tmp_path / "no python"))
     with Painter() as painter:
-        painter.begin(make_exploration(), tmp_path)
-        assert [one.path.name for one in painter.finish()] == ["a.png", "b.png", "c.png"]
+        assert [one.path.name for one in painter.begin(make_exploration(), tmp_path)()] == ["a.png", "b.png", "c.png"]
     assert (tmp_path / "c.png").is_file()
 
 

@@ -20,7 +20,6 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from ..child_processes import describe_end
 from .page.content import Axis, Chart, ChartGroup, CloudGroup, Curve, Exploration, Spans, Still
 from .report import Picture
 from .style import COLOURS, REFERENCE, draw, engineering, largest, prepare_drawing, pretty, write_powers_plainly
@@ -67,19 +66,16 @@ def _list_stills(explored: Exploration) -> list[tuple[str, str, Callable[[Path],
 class Painter:
     """A process of its own that draws figures while this one does something else.
 
-    It begins by importing matplotlib, which takes 0.5 s.  Where it cannot be started, figures are drawn here.
+    It begins by importing matplotlib, which takes 0.5 s.  What it cannot draw, or where it cannot be started, is drawn
+    here.
     """
 
     def __init__(self) -> None:
-        program = f"from {__name__} import draw_what_comes; draw_what_comes()"
+        command = [sys.executable, "-I", "-c", f"from {__name__} import draw_what_comes; draw_what_comes()"]
         self._process: subprocess.Popen[bytes] | None = None
         with suppress(OSError):
-            self._process = subprocess.Popen(
-                [sys.executable, "-I", "-c", program],
-                stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
-            )  # fmt: skip
-        self._said = b""
-        self._wait: Callable[[], object] = lambda: None
+            none = subprocess.DEVNULL
+            self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=none, stderr=none)
 
     def __enter__(self) -> Self:
         return self
@@ -88,32 +84,27 @@ class Painter:
         """End the process."""
         if self._process is not None:
             self._process.kill()
-            self._wait()
-            self._process.communicate()
+            self._process.wait()
 
-    def begin(self, explored: Exploration, folder: Path) -> None:
-        """Have the stills of all groups drawn into a folder; :meth:`finish` follows."""
-        shown = replace(explored, mechanism=None, cases=None)
-        self._asked = shown, folder
-        if self._process is not None:
-            given = msgspec.msgpack.encode((str(folder.absolute()), shown), enc_hook=_write_array)
-            thread = Thread(target=self._talk, args=(self._process, given), daemon=True)  # it may not listen yet
-            thread.start()
-            self._wait = thread.join
+    def begin(self, explored: Exploration, folder: Path) -> Callable[[], list[Picture]]:
+        """Have the stills of all groups drawn into a folder.
 
-    def finish(self) -> list[Picture]:
-        """Wait until all are drawn; the pictures, with their captions.  Raises OSError."""
-        if self._process is None:
-            return draw_exploration(*self._asked)
-        self._wait()
-        if self._process.returncode:
-            reason = self._said.decode(errors="replace").strip() or describe_end(self._process.returncode)
-            raise OSError(f"the figures could not be drawn: {reason}")
-        shown, folder = self._asked
-        return [Picture(folder / file, caption) for file, caption, _ in _list_stills(shown)]
+        What waits until they are drawn, and returns the pictures with their captions; that raises OSError.
+        """
+        shown, process = replace(explored, mechanism=None, cases=None), self._process
+        if process is None:
+            return partial(draw_exploration, explored, folder)
+        given = msgspec.msgpack.encode((str(folder.absolute()), shown), enc_hook=_write_array)
+        thread = Thread(target=process.communicate, args=(given,), daemon=True)  # it may not listen yet
+        thread.start()
 
-    def _talk(self, process: subprocess.Popen[bytes], given: bytes) -> None:
-        self._said = process.communicate(given)[1]
+        def wait() -> list[Picture]:
+            thread.join()
+            if process.returncode:
+                return draw_exploration(explored, folder)
+            return [Picture(folder / file, caption) for file, caption, _ in _list_stills(explored)]
+
+        return wait
 
 
 def draw_what_comes() -> None:
@@ -122,10 +113,7 @@ def draw_what_comes() -> None:
     prepare_drawing().join()
     if given := sys.stdin.buffer.read():
         folder, explored = msgspec.msgpack.decode(given, type=tuple[str, Exploration], dec_hook=_read_array)
-        try:
-            draw_exploration(explored, Path(folder))
-        except OSError as error:
-            sys.exit(str(error))
+        draw_exploration(explored, Path(folder))
 
 
 def _write_array(value: Any) -> Any:

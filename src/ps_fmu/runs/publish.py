@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 from ..cosim.faults.binding import ActedFault
@@ -72,11 +73,10 @@ def publish(
     """
     explored = findings.explore(options.output / RESULTS)
     pictures: list[Picture] = []
-    if painter is not None:
-        painter.begin(explored, options.output)
-    elif options.figures:
-        pictures += draw_exploration(explored, options.output)
+    wait: Callable[[], Sequence[Picture]] = tuple
     if options.figures:
+        draw_here = partial(draw_exploration, explored, options.output)
+        wait = draw_here if painter is None else painter.begin(explored, options.output)
         pictures += findings.draw(options.output)
     try:
         finish_file(options.output / RESULTS)
@@ -84,8 +84,7 @@ def publish(
         system.warnings.add(str(error))
     verdicts = system.judge.conclude()
     write_summary(options.output / SUMMARY, make_summary(options, system, findings))
-    if painter is not None:
-        pictures = [*painter.finish(), *pictures]
+    pictures = [*wait(), *pictures]
     faults = _tabulate_faults(options, findings)
     Report(
         title=findings.title,
