@@ -37,8 +37,8 @@ def _grown(what: str, name: str, found: Figures) -> float | None:
     return counts[name][-1] - counts[name][0] if counts else None
 
 
-def _find_time(name: str, found: Figures) -> float:
-    return float(found["commands_s"][name])
+def _find_time(name: str, found: Figures) -> float | None:
+    return dict(found["commands_s"]).get(name)
 
 
 COMMANDS = {
@@ -134,7 +134,7 @@ def measure(options: argparse.Namespace, folder: Path) -> Figures:
     """All figures."""
     rounds = [_in_a_process(folder) for _ in range(options.rounds)]
     starts = {name: statistics.median(found[name] for found in rounds) for name in rounds[0]}
-    commands = {name: min(_time_command(name, folder) for _ in range(options.rounds)) for name in COMMANDS}
+    commands = {name: min(_time_command(name, folder) for _ in range(options.rounds)) for name in options.commands}
     growth = _in_a_process(folder, options.resets, options.masters)
     return {"commands_s": commands, "starts_s": starts, "growth": growth}
 
@@ -153,6 +153,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     def add(p: argparse.ArgumentParser) -> None:
         p.add_argument("--resets", type=int, default=1000, metavar="N", help="of one Master (%(default)s)")
+        p.add_argument("--commands", nargs="*", choices=COMMANDS, default=list(COMMANDS), metavar="NAME", help="timed")
         p.add_argument("--masters", type=int, default=200, metavar="N", help="new ones (%(default)s)")
 
     return run_benchmark(argv, __doc__, measure, report, LIMITS, rounds=5, add=add)

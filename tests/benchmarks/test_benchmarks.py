@@ -12,7 +12,9 @@ import pytest
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 SCRIPTS = {
     "step_cost": ("--steps 20", {"median_us", "ratios", "ours_to_c_fmus"}),
-    "start": ("--resets 40 --masters 15", {"starts_s", "growth"}),
+    "start": (
+        '--resets 40 --masters 15 --commands "isolation, 1 s, without figures"', {"commands_s", "starts_s", "growth"},
+    ),
     "scaling": ("--steps 20", {"fmus", "connections", "threads"}),
     "study": ('--cases 2 --duration 0.01 --settling 0.02 --studies "from a checkpoint"', {"from a checkpoint"}),
     "features": ("--steps 8", {"plain", "observers", "two C FMUs, isolated", "scheme: error estimate"}),

@@ -8,6 +8,7 @@ import netCDF4
 import numpy as np
 import pytest
 from support import against_fmpy, archives, behaviours
+from support.claims import verify_claim
 from support.cosim import HEAD, Collect
 
 from ps_fmu.cli import main
@@ -40,7 +41,15 @@ def test_all_rows_equal_those_of_fmpy(fmus, isolate):
     assert {one.name: one.end for one in found if "->" not in one.name} == ENDS
     wired = {f"{name} -> through": end for name, end in ENDS.items() if name != "through"}
     assert {one.name: one.end for one in found if "->" in one.name} == wired
-    assert [one for one in found if one.where] == []
+    verify_claim(
+        "master.rows_of_fmpy",
+        claim="Rows of any FMU, alone or behind another one, up to the step in which one ends the simulation",
+        where="`ps-fmu run SYSTEM` or `FMU`, with and without `--isolate`: results.nc",
+        reference="FMPy's simulate_fmu, six FMUs in C and all pairs of them, to the last bit",
+        error=len([one for one in found if one.where]),
+        bound=0,
+        unit="systems that differ",
+    )
 
 
 @pytest.mark.skipif(REFERENCE not in os.environ, reason=f"{REFERENCE} names no folder with the Reference FMUs")
