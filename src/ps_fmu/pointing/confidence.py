@@ -226,7 +226,8 @@ def _state_rms(rms: float, error: float, freedom: float, independent: float, con
     moving = error * math.sqrt(0.5 * freedom)  # the part of the mean square that varies, if these squares make it
 
     def at(level: float) -> float:  # with this probability the true value is above it
-        return math.sqrt(max(0.0, rms**2 + moving * (freedom / float(chdtri(freedom, 1.0 - level)) - 1.0)))
+        found = rms**2 + moving * (freedom / float(chdtri(freedom, 1.0 - level)) - 1.0)
+        return math.sqrt(max(found, (1.0 - level) * rms**2))  # Markov's inequality holds for any mean square
 
     side = 0.5 * (1.0 - confidence)
     return Statement(
