@@ -11,8 +11,12 @@ import pytest
 from ps_fmu.analyses.table import AnalysisOptions
 from ps_fmu.cli import main
 from ps_fmu.cosim import read_system
-from ps_fmu.pointing import RelativeError
+from ps_fmu.disturbance import psd_at_origin
+from ps_fmu.disturbance.spectrum import gaussian_density
+from ps_fmu.mechanism.signals import output_slices
+from ps_fmu.pointing import AbsoluteError, RelativeError
 from ps_fmu.pointing.budget import UncertaintyFactors, make_budget
+from ps_fmu.theory.sampled import step_loop
 from ps_fmu.trades.budget import report
 from ps_fmu.trades.budget.results import (
     compute_budgets,
@@ -144,6 +148,58 @@ def test_a_line_of_a_wheel_turns_as_its_source_does(systems, speed):
         expected = 0.5 * np.abs(response @ (amplitude if speed > 0.0 else amplitude.conj())) ** 2
         force = select_signals(source, [axis]).pairs()[:, 0, 0]
         assert force == pytest.approx(expected, rel=1e-9, abs=0.0)
+
+
+def test_sines_of_one_frequency_have_their_phases(systems):
+    """Two that cancel each other, in one line; of other frequencies they would be two."""
+    torques = {"disturbance.tone_1.torque.y": 1.0, "disturbance.tone_2.torque.y": 0.9}
+    system = systems["SystemStructure"].with_parameters({"disturbance.noise.enabled": False, **torques})
+    both = {phase: budget(system.with_parameters({"disturbance.tone_2.phase": phase}), 1) for phase in (0.0, np.pi)}
+    assert both[0.0].variance == pytest.approx(1.9**2 / 0.1**2 * both[np.pi].variance, rel=1e-9)
+    assert [line.name for line in both[0.0].lines] == ["sine 1", "sine 2"]
+    assert [line.name for line in both[np.pi].lines] == ["sine 1 with 2"]
+    assert both[np.pi].correlation[0, 1] == pytest.approx(-1.0)
+    assert both[np.pi].worst_variance == pytest.approx(both[np.pi].variance)
+    apart = budget(system.with_parameters({"disturbance.tone_2.frequency": 2.0}), 1)
+    assert len(apart.lines) == 2 and apart.correlation[0, 1] == 0.0
+
+
+def test_two_wheels_at_one_speed_have_a_worst_phase(systems):
+    """Of equal wheels the worst is twice the mean, since their forces and torques may add up."""
+    own = {"enabled": True, "spin_axis.x": 1.0, "spin_axis.y": 0.0, "initial_speed": 30.0, "final_speed": 30.0}
+    wheels = {f"disturbance.wheel_{k}.{name}": value for k in (1, 2) for name, value in own.items()}
+    quiet = systems["SystemStructure"].with_parameters({"disturbance.noise.enabled": False})
+    both = budget(quiet.with_parameters(wheels), 1)
+    one = budget(quiet.with_parameters({**wheels, "disturbance.wheel_2.enabled": False}), 1)
+    assert both.variance == pytest.approx(2.0 * one.variance, rel=1e-9)
+    assert both.worst_variance == pytest.approx(4.0 * one.worst_variance, rel=1e-9)
+    assert len(both.channels) == 48
+
+
+def test_the_noise_reaches_beyond_its_band(systems):
+    """The passive image point against a plain sum over equal frequencies, by another way from the wrench to it.
+
+    The free bus has most of its motion at the lower edge: a rectangle from 0.1 Hz on has 0.86 of this variance.
+    """
+    circuit = Circuit(read_model(systems["SystemStructure"]), active=False)
+    shared, noise = circuit.model.disturbance, circuit.model.disturbance.kinds["noise"]
+    resonances, sources = list_sources(circuit, ("los.x", "los.y"))
+    found = make_budget(AbsoluteError(), sources, find_edges(5000.0), step=1e-4, resonances=resonances)
+    places = np.arange(*output_slices()["los"].indices(10**6))
+    model = circuit.model.loop.model
+    frequency = np.arange(1e-4, 3.0, 1e-4)
+    response = step_loop(model, None, 1e-4, places).response(frequency)
+    psd = psd_at_origin(noise.wrench_psd_B, shared.bus.com_B)
+    density = np.einsum("nsi,ij,nsj->n", response, psd, response.conj()).real
+    own = density * gaussian_density(noise.band, noise.period, frequency)
+    slow = found.edges[1:] <= 2.0
+    below = frequency < 2.0
+    assert found.by_band[slow].sum() == pytest.approx(own[below].sum() * 1e-4, rel=2e-3)
+    assert found.by_band[0] == pytest.approx(own[frequency < 0.1].sum() * 1e-4, rel=0.01)
+    assert found.share(found.by_band[0]) == pytest.approx(0.14, abs=0.01)
+    rectangle = density[below & (frequency >= 0.1)].sum() * 1e-4
+    assert own[below].sum() * 1e-4 / rectangle == pytest.approx(1.161, abs=0.01)
+    assert found.by_band[~slow].sum() < 0.02 * found.variance
 
 
 def test_a_line_of_sight_loop_brings_the_noise_of_its_tracker(systems):
