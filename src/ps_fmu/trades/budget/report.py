@@ -364,7 +364,7 @@ def _stack(axes: Axes, entry: SignalBudget, stacks: Mapping[str, tuple[str, ...]
             above = above + height
     labels = [f"<{high:g}" if low == 0.0 else f"{low:g}-{high:g}" for low, high in pairwise(budget.edges)]
     axes.set_xticks(places, labels, rotation=60, ha="right", fontsize=10)
-    axes.axhline(0.0, color="black", lw=0.8)
+    axes.set_ylim(0.0, 100.0)
     unit = entry.wanted.requirement.limit.unit.replace("u", "\N{MICRO SIGN}", 1)
     axes.set_title(f"{entry.model.name}, {entry.case}: RMS {entry.rms:.3g} {unit}")
 
