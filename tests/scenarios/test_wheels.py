@@ -123,8 +123,8 @@ def test_the_worst_crossing_of_a_run_is_where_the_payload_moves_most():
     text = describe_worst("passive", CaseLines(None, measured, 6e-6, 18.2), [RUN_UP])
     assert text == (
         "Worst crossing, passive: wheel_1, harmonic 1 at 1800 rpm crosses mast mode 1 (30 Hz). Amplitude of this "
-        "harmonic in the payload's rotation: 5 \N{MICRO SIGN}rad in the run, 3.55 mrad at constant speed. Largest rotation of the "
-        "run, all together: 6 \N{MICRO SIGN}rad at 18.2 s (wheel_1 at 1820 rpm)."
+        "harmonic in the payload's rotation: 5 \N{MICRO SIGN}rad in the run, 3.55 mrad at constant speed. Largest "
+        "rotation of the run, all together: 6 \N{MICRO SIGN}rad at 18.2 s (wheel_1 at 1820 rpm)."
     )
     assert worst.entry["speed_rpm"] == pytest.approx(1800.0) and worst.entry["mode"] == "mast mode 1"
 
@@ -211,7 +211,7 @@ def test_a_fast_run_up_stays_below_the_peak_at_constant_speed():
 
 @pytest.mark.parametrize("ends", [(740.0, 850.0), (500.0, 3000.0)])
 def test_wheels_at_constant_speed_beside_change_nothing(ends):
-    """Two with lines of some times the amplitude at 88.6, 90.3 and 91.1 Hz: the harmonic is what it is alone."""
+    """Two with larger lines at 90.3 and 91.1 Hz: the harmonic is what it is alone."""
     wheel = spin(*ends)
     others = [spin(speed, speed, f"wheel_{k}", (0.0, 2e-7, 3e-7)) for k, speed in ((2, 799.0), (3, 626.0))]
     alone, beside = measure(wheel), measure(wheel, *others)

@@ -103,6 +103,34 @@ def test_files_and_text(found):
     assert "noise torque x" in (output / "budget.md").read_text()
 
 
+def test_what_tables_and_page_say(built_fmus, ssv, tmp_path):
+    """The worst phases beside the mean; RMS alone and correlations of what cancels; each heading once in the page."""
+    requirements = tmp_path / "mine.toml"
+    requirements.write_text(
+        '[[requirement]]\nname = "still"\nsignal = "plant.payload_rotation"\nindex = "jitter"\nwindow = "20 ms"\n'
+        'statistic = "rms"\nconfidence = 0.9\nlimit = "1 nrad"\n'
+    )
+    wheel = {f"disturbance.wheel_1.{name}_speed": 31.0 for name in ("initial", "final")}
+    wheel |= {"disturbance.wheel_1.enabled": True, "disturbance.wheel_1.scale": 1e3}
+    options = AnalysisOptions(
+        tmp_path, built_fmus, SYSTEM / "VoiceCoils.ssd", progress=False, parameters=(ssv(wheel),),
+        requirements=requirements,
+    )  # fmt: skip
+    result = report.analyse(options, points=50)
+    result.write(tmp_path)
+    totals, _, channels, resonances = result.tables
+    assert totals.header[3] == "RMS (worst phases)" and "worst phases are those" in " ".join(result.text)
+    mean, worst = totals.rows[0][3].removesuffix(" nrad").rstrip(")").split(" (")
+    assert float(mean) < float(worst) < 2.0 * float(mean)
+    joined = next(row for row in channels.rows if row[2] == "noise torque x")
+    assert joined[3].endswith(" nrad") and joined[4].startswith("-0.9")
+    assert joined[4].split()[1:] == ["force", "y"]
+    assert "153.5 to 160.5 Hz: " in resonances.rows[0][2]
+    page = (tmp_path / "budget.html").read_text()
+    assert page.count("<h2>VoiceCoils: totals</h2>") == 1
+    assert "<caption>RMS, what a Gaussian error" in page and "<caption>VoiceCoils" not in page
+
+
 def test_uncertainty_factors_scale_as_squares(systems):
     plain = budget(systems["SystemStructure"], 0)
     factors = read_factors([2.0, 10.0, 1.5])

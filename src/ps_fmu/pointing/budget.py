@@ -33,6 +33,7 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 _HERMITIAN = 1e-9  # of the largest element
+_NAMED = 2  # channels of a line that its name has besides the first
 _SMALL, _ROUNDING = 0.005, 1e-9  # of the variance: what a line may take away in a band, and in all
 
 
@@ -196,8 +197,9 @@ class Budget:
     def _name(self, members: list[int]) -> Line:
         first, *others = (self.channels[k] for k in members)
         if others:
-            same = len(first.split()[0]) if all(name.split()[0] == first.split()[0] for name in others) else -1
-            first += f" with {', '.join(name[same + 1 :] for name in others)}"
+            named = ", ".join(drop_source(name, first) for name in others[:_NAMED])
+            more = len(others) - _NAMED
+            first += f" with {named}{f' and {more} more' if more > 0 else ''}"
         return Line(first, tuple(members))
 
     def contribution(self, line: Line) -> Array:
@@ -214,6 +216,12 @@ class Budget:
         band = int(bands.argmax())
         low, high = self.edges[band : band + 2]
         return self.lines[0].name, float(low), float(high), self.share(float(bands[band]))
+
+
+def drop_source(name: str, other: str) -> str:
+    """The name of a channel without its first word, where another's begins with the same."""
+    word = other.partition(" ")[0]
+    return name.removeprefix(f"{word} ")
 
 
 def make_budget(

@@ -14,7 +14,7 @@ from ...analyses.system import load_built_system
 from ...analyses.table import SYSTEM, AnalysisOptions
 from ...cosim import System, read_system
 from ...mechanism.quantities import Array
-from ...pointing.budget import UncertaintyFactors
+from ...pointing.budget import UncertaintyFactors, drop_source
 from ...product.files import find_product
 from ...results.report import Picture
 from ...results.style import ACTIVE, PASSIVE, REFERENCE
@@ -46,6 +46,7 @@ OTHERS = "#999999"
 CASE_COLOURS = {"passive": PASSIVE, "active": ACTIVE}
 DASHES = ("-", "--", ":", "-.")  # by system
 LEAST_SHARE = 0.03  # of a resonance that is marked
+LEAST_CORRELATION = 0.1  # in the table
 
 
 
@@ -137,8 +138,8 @@ def _tabulate(entries: Sequence[SignalBudget]) -> Iterator[Table]:
 
 
 def has_unknown_phases(entry: SignalBudget) -> bool:
-    """Whether the phases of lines matter for the RMS."""
-    return entry.budget.worst_variance > entry.budget.variance * (1.0 + 1e-9)
+    """Whether unknown phases of lines matter for the RMS: by a thousandth, or more."""
+    return entry.budget.worst_rms > 1.001 * entry.budget.rms
 
 
 def _tabulate_totals(system: str, entries: Sequence[SignalBudget]) -> Table:
@@ -149,15 +150,14 @@ def _tabulate_totals(system: str, entries: Sequence[SignalBudget]) -> Table:
         if entry.budget.variance:
             line, low, high, part = entry.budget.dominant()
             largest = f"{100.0 * part:.0f} % {line}, {low:g}-{high:g} Hz"
-        worst = [f"{entry.worst_rms:.3g} {limit.unit}"] if phased else []
+        worst = f" ({entry.worst_rms:.3g})" if phased else ""
         rows.append(
             (
-                entry.case, entry.wanted.requirement.name, entry.wanted.short, f"{entry.rms:.3g} {limit.unit}", *worst,
+                entry.case, entry.wanted.requirement.name, entry.wanted.short, f"{entry.rms:.3g}{worst} {limit.unit}",
                 "-" if expected is None else _percent(expected / limit.value), largest,
             )
         )  # fmt: skip
-    worst = ["worst phases"] if phased else []
-    header = ("case", "requirement", "signal", "RMS", *worst, "of limit (%)", "most by")
+    header = ("case", "requirement", "signal", f"RMS{' (worst phases)' if phased else ''}", "of limit (%)", "most by")
     caption = (
         f"{system}: totals; RMS, what a Gaussian error of it takes of the limit (no confidence in it), and the largest "
         "contribution of a source in a band"
@@ -196,7 +196,11 @@ def _tabulate_channels(system: str, entries: Sequence[SignalBudget]) -> Table:
         for line in (line for line in budget.lines[:_LARGEST] if len(line.channels) > 1):
             for k in line.channels:
                 others = sorted((m for m in line.channels if m != k), key=lambda m: budget.correlation[k, m])
-                text = ", ".join(f"{budget.correlation[k, m]:+.2f} {budget.channels[m]}" for m in others)
+                text = ", ".join(
+                    f"{budget.correlation[k, m]:+.2f} {drop_source(budget.channels[m], budget.channels[k])}"
+                    for m in others
+                    if abs(budget.correlation[k, m]) >= LEAST_CORRELATION
+                )
                 alone = f"{budget.alone[k] * entry.wanted.scale:.3g} {unit}"
                 rows.append(
                     (entry.wanted.requirement.name, entry.wanted.short, budget.channels[k], alone, text)
@@ -342,7 +346,7 @@ def _choose_stacks(entries: Sequence[SignalBudget]) -> dict[str, tuple[str, ...]
 
 def _name_stack(members: Sequence[str]) -> str:
     first, *others = members
-    return ", ".join([first, *(name.partition(" ")[2] for name in others)])
+    return ", ".join([first, *(drop_source(name, first) for name in others)])
 
 
 def _stack_bands(entry: SignalBudget, members: Container[str]) -> Array:
