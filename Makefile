@@ -14,7 +14,7 @@ export MPLBACKEND := Agg
 # Some environments ask Python to keep no bytecode.  The tests start hundreds of processes, which would all compile anew.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: run test soak docs docs-links dist fmus launcher pythons importers basilisk verify bench lint clean
+.PHONY: run test soak docs docs-links dist fmus launcher pythons importers basilisk multibody verify bench lint clean
 .DELETE_ON_ERROR:
 
 run: fmus  ## the default scenario: isolation at the nominal orientation, passive then active
@@ -60,9 +60,12 @@ importers: .venv-importers/.installed  ## tools that cannot share .venv, for the
 
 basilisk: .venv-basilisk/.installed  ## the spacecraft simulator of examples/basilisk (0.9 GB); from then on in make test
 
-verify: .venv/.installed  ## the plant against an independent multibody prototype in Pinocchio (0.4 GB); from then on in make test
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[verify]'
+multibody: .venv/.installed  ## the plant against an independent multibody prototype in Pinocchio (0.4 GB); from then on in make test
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[multibody]'
 	$(BIN)/python -m pytest tests/multibody $(ARGS)
+
+verify: fmus  ## the tests that hold a claim of the product; writes docs/verification.md of what they found
+	$(BIN)/python docs/write_verification.py $(or $(ARGS),-n auto)
 
 bench: fmus  ## what things cost; fails if a limit is missed
 	@missed=0; for script in step_cost start scaling study features real_time; do \

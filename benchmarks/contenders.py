@@ -20,10 +20,10 @@ from rounds import HERE, ROOT, compile_c
 
 from ps_fmu.cosim import Master, System
 from ps_fmu.cosim.structure import Component
+from ps_fmu.files.archive import read_all, write_zip
 from ps_fmu.product.files import find_product
 from ps_fmu.slavekit.author.ahead import finish
 from ps_fmu.slavekit.pack.build import build_one, find_folders
-from ps_fmu.slavekit.pack.files import read_zip, write_zip
 
 Array = NDArray[np.float64]
 NO_NUMBERS: Array = np.zeros(0)
@@ -121,7 +121,7 @@ def build_stock(system: System, output: Path) -> None:
             shutil.copy(folder / "README.md", copy)
             (copy / f"{folder.name}.py").write_text(source + _SUBCLASS.format(model=model), encoding="utf-8")
             fmu = build_one(copy, output)
-            files = read_zip(fmu)
+            files = read_all(fmu)
             for name in [name for name in files if name.name == "libpythonfmu-export.so"]:
                 files[name.with_name(f"{fmu.stem}.so")] = files.pop(name)
             write_zip(output / f"{model}.fmu", files)

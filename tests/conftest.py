@@ -3,6 +3,7 @@
 import ctypes
 import os
 import signal
+from collections.abc import Generator
 from pathlib import Path
 
 import pytest
@@ -50,6 +51,15 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> object:
             return folder if folder in FOLDERS_AT_ONCE else file
 
     return ByFolder(config, log) if config.getoption("dist") == "loadfile" else None
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> Generator[None, object, object]:
+    """A test that passes has recorded each claim that it names."""
+    from support.claims import expect_claims
+
+    with expect_claims(pyfuncitem.path, pyfuncitem.originalname):
+        return (yield)
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:

@@ -19,7 +19,7 @@ from ps_fmu import simulation
 from ps_fmu.cosim import CosimError, read_parameters
 from ps_fmu.cosim.isolation.instance import Isolation
 from ps_fmu.pointing import AbsoluteError, DriftError, MeanError, RelativeError, ResidualJitter
-from ps_fmu.results.index_table import tabulate_indices
+from ps_fmu.results.datasets import tabulate_indices
 from ps_fmu.runs.options import OptionError
 from ps_fmu.runs.publish import Findings
 from ps_fmu.runs.scenario import SCENARIOS
@@ -211,8 +211,18 @@ def test_the_same_call_gives_the_same_numbers_and_a_named_folder_stays(
     again = simulate(parameters=VALUES, output="mine", **SHORT)
     assert again.active.identical(result.active)
     del again
-    assert {"results.nc", "summary.json", "report.html"} < set(os.listdir(tmp_path / "mine"))
+    assert {"results.nc", "summary.json", "report.html", "parameters.ssv"} <= set(os.listdir("mine"))
     assert Result("mine").passive.identical(result.passive)
+    with pytest.raises(CosimError):
+        simulate(parameters={"plant.payload.mas": 1.0}, output="mine", **SHORT)
+    assert Path("mine/parameters.ssv").is_file()  # beside the results that were made with it
+    simulate(output="mine", parameter_files=["mine/parameters.ssv"], **SHORT)
+    assert Result("mine").passive.identical(result.passive)
+    simulate(output="mine", **SHORT)
+    assert not Path("mine/parameters.ssv").exists()
+    Path("mine/parameters.ssv").write_text("of the user")
+    simulate(output="mine", **SHORT)
+    assert Path("mine/parameters.ssv").read_text() == "of the user"
     # Unpacked FMUs stay as long as the process: tests/cosim/test_unpacked.py.
     assert [path for path in temporary.iterdir() if not path.name.startswith("fmus_")] == []
     assert capsys.readouterr().out == ""

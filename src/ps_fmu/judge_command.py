@@ -30,12 +30,12 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 
 def run(arguments: argparse.Namespace) -> int:
     """Judge the files that the arguments name and print the verdicts; returns the exit code."""
+    from .files.plain import write_atomically
     from .product.files import find_file
     from .requirements.requirement import RequirementError, read_requirements
     from .requirements.stored import ResultsError, judge_files
     from .requirements.verdict import format_verdicts
     from .results.summary import plain
-    from .slavekit.pack.files import write_atomically
 
     try:
         verdicts = judge_files(arguments.results, read_requirements(find_file(arguments.requirements)))

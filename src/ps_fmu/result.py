@@ -18,14 +18,14 @@ from markupsafe import escape
 
 from .cosim.ssp.writing import start_values_xml
 from .cosim.structure import Parameter, Value, suggest_names
+from .files.plain import write_atomically
 from .results.datasets import list_cases, make_dataset, read_case
 from .results.summary import plain
-from .runs.options import PARAMETERS, REPORT, RESULTS, SUMMARY, OptionError, claim_folder
+from .runs.options import PARAMETERS, REPORT, RESULTS, SUMMARY, WRITTEN, OptionError, claim_folder
 from .runs.origin import list_attributes, write_origin
-from .runs.output import hold_folder, leave_no_empty_folder
+from .runs.output import hold_folder, leave_no_empty_folder, remove_old_values
 from .runs.publish import Findings, describe, make_summary, publish
 from .runs.run import Run
-from .slavekit.pack.files import write_atomically
 from .terminal import read_output
 
 if TYPE_CHECKING:
@@ -164,6 +164,7 @@ class Result:
             path = folder / PARAMETERS
             write_values(path, run.options.values, resume=False)
             options = replace(options, parameters=(*options.parameters, path))
+        remove_old_values(options)
         write_origin(folder / RESULTS, options, run.system)
         assert run.system.kept is not None
         run.system.kept.write(folder / RESULTS)
@@ -198,7 +199,7 @@ class Result:
         Raises ``KeyError`` for a variable or a case that is not there, ``ValueError`` for an index that the run is too
         short for, or whose times are no whole number of storage steps.
         """
-        from .results.index_table import USUAL, tabulate_indices
+        from .results.datasets import USUAL, tabulate_indices
 
         return tabulate_indices(self._select(name, cases), indices or USUAL)
 
@@ -223,7 +224,7 @@ def read_folder(output: str | PathLike[str]) -> Path:
 def write_values(path: Path, values: Mapping[str, Value], resume: bool) -> None:
     """Write the parameter file; one that a run goes on with has to be the same.  Raises OptionError, OSError."""
     entries = {name: Parameter(value, None, PARAMETERS) for name, value in values.items()}
-    content = start_values_xml(entries, "Made by ps_fmu.simulate.")
+    content = start_values_xml(entries, WRITTEN)
     if not resume:
         write_atomically(path, content)
     elif not path.is_file() or path.read_bytes() != content:

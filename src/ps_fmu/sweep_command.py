@@ -86,7 +86,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _sweep(options: SweepOptions) -> int:
     from .studies.bundle import open_folder
     from .studies.conclusion import conclude
-    from .studies.rows import ClusterError, StartError, VersionError
+    from .studies.rows import ClusterError, StartError, TrialError, VersionError
     from .studies.sweep import compute, hold, prepare
 
     prepared = prepare(options)
@@ -97,7 +97,7 @@ def _sweep(options: SweepOptions) -> int:
             print(conclude(options, prepared, folder))
         except KeyboardInterrupt:
             return _report(f"interrupted; rows so far are kept, go on with\n  {options.command}", EXIT_INTERRUPTED)
-        except (ClusterError, StartError, VersionError, OSError) as error:
+        except (ClusterError, StartError, TrialError, VersionError, OSError) as error:
             text = f"{reason(error)}\nRows so far are kept; go on with\n  {options.command}"
             return _report(text, EXIT_FAILED)
     return 0

@@ -18,8 +18,8 @@ from hypothesis import strategies as st
 from support.cosim import OSCILLATOR, ssd_text
 
 from ps_fmu.cosim import CosimError, Master, SystemFileError, read_system
-from ps_fmu.cosim.archive import check_archive, check_content, extract, read_member
 from ps_fmu.cosim.description import read_description
+from ps_fmu.files.archive import check_archive, check_content, extract, read_member
 
 SSV = (
     b'<ssv:ParameterSet xmlns:ssv="http://ssp-standard.org/SSP1/SystemStructureParameterValues" version="1.0" name="a">'
@@ -152,7 +152,7 @@ def test_a_folder_may_be_entered_twice(tmp_path):
 
 
 def test_too_many_members(tmp_path, monkeypatch):
-    monkeypatch.setattr("ps_fmu.cosim.archive.MAXIMUM_MEMBERS", 3)
+    monkeypatch.setattr("ps_fmu.files.archive.MAXIMUM_MEMBERS", 3)
     path = written(tmp_path / "a.ssp", [(str(k), "") for k in range(4)])
     for text in refusals(path, tmp_path / "inside"):
         assert "in 4 files; at most" in text

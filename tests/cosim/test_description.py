@@ -7,9 +7,9 @@ from types import SimpleNamespace
 import pytest
 
 from ps_fmu.cosim import SystemFileError, UsageError
-from ps_fmu.cosim import archive as archives
-from ps_fmu.cosim.archive import check_archive, read_member
 from ps_fmu.cosim.description import convert_value, read_description
+from ps_fmu.files import archive as archives
+from ps_fmu.files.archive import check_archive, read_member
 
 
 def archive(path, members):

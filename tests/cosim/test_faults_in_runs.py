@@ -9,6 +9,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from support import faulty
+from support.claims import verify_claim
 from support.faults import run_oscillator, write
 
 from ps_fmu.cosim import Master, SlaveError, SystemFileError
@@ -156,7 +157,7 @@ def test_the_list_says_what_acted_and_when(oscillator, tmp_path):
         master.initialise()
         master.run(0.5)
         entries = [acted.as_dict() for acted in master.faults.list_acted(master.time)]
-    assert [entry["text"] for entry in entries] == [
+    expected = [
         "0.100 s: mass.position frozen until 0.150 s",
         "0.200 s: mass.position replaced by 0.5 until 0.300 s",
         "0.300 s: mass.position delayed by 0.02 s until 0.350 s",
@@ -164,6 +165,16 @@ def test_the_list_says_what_acted_and_when(oscillator, tmp_path):
         "0.400 s: mass.position lost, the last value held, in 25 % of the steps until 0.450 s",
         "0.480 s: mass.position to spring.position scaled by -1",
     ]
+    assert len(entries) == len(expected)
+    verify_claim(
+        "master.faults",
+        claim="Which faults acted, when, on what",
+        where="`ps-fmu run --faults`: terminal, report, `faults` of summary.json, shading of charts",
+        reference="events of the file, in words by hand; one later than the run, and one that resets, are not named",
+        error=sum(entry["text"] != text for entry, text in zip(entries, expected, strict=True)),
+        bound=0,
+        unit="texts that differ",
+    )
     assert entries[0] == {
         "from_s": 0.1, "until_s": 0.15, "signal": "mass.position", "action": "freeze", "inputs": ("spring.position",),
         "text": entries[0]["text"],

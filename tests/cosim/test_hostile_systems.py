@@ -12,7 +12,7 @@ from ps_fmu.cosim import SystemFileError, read_system
 from ps_fmu.cosim.faults.reading import read_faults
 from ps_fmu.cosim.signals import read_signals
 from ps_fmu.cosim.ssp import sources
-from ps_fmu.cosim.xmlfile import read_bytes
+from ps_fmu.files.plain import read_bytes
 from ps_fmu.requirements.requirement import read_requirements
 from ps_fmu.studies.study import read_study
 

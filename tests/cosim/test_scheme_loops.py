@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 from support import linear
+from support.claims import verify_claim
 from support.linear import Keep, make_heavy, make_light, make_oscillator, run
 
 from ps_fmu.cosim import ConvergenceError, Master, PortName, SlaveError, SystemFileError, UsageError, read_system
@@ -140,7 +141,14 @@ def test_an_estimate_is_the_error_of_a_first_step(masses):
     exact = make_oscillator().solve(rows.time)
     names = ("first.x", "first.v")
     true = max(abs(rows[n][1] - exact[n][1]) / max(np.abs(rows[n])) for n in names)
-    assert abs(rows["error_estimate.first"][1] / true - 1.0) < 0.1
+    verify_claim(
+        "master.error_estimate",
+        claim="Local error of a step, of each component",
+        where="`ps-fmu run --error-estimate`: columns `error_estimate`, terminal",
+        reference="exact solution of two coupled masses, first step",
+        error=abs(rows["error_estimate.first"][1] / true - 1.0),
+        bound=0.1,
+    )
 
 
 # ---- together with the rest --------------------------------------------------------------------------------------

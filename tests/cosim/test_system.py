@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from support.cosim import HEAD, OSCILLATOR, ssd_text
 from support.models import COMPONENTS
 
-from ps_fmu.cosim import CosimError, Master, PortName, System, SystemFileError, UsageError, read_system, xmlfile
+from ps_fmu.cosim import CosimError, Master, PortName, System, SystemFileError, UsageError, read_system
+from ps_fmu.files import xmlfile
 
 PROJECT_SSD = Path(__file__).parents[2] / "system" / "SystemStructure.ssd"
 SSV = (

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.claims import verify_claim
 
 from ps_fmu.disturbance import Disturbance, default_settings
 from ps_fmu.disturbance.tones import Chirp, Tone
@@ -212,10 +213,28 @@ def test_lines_above_half_the_step_rate_are_named(changes, step, text):
 
 
 def test_where_a_line_folds_to():
-    """Sampled, the sine of the text's frequency is the one at 300 Hz."""
-    times = np.arange(3000, 3200) * 1e-3
-    wrench = Tone(np.eye(6)[0], 700.0)(times)[:, 0]
-    np.testing.assert_allclose(wrench, np.sin(-2.0 * np.pi * 300.0 * times), atol=1e-8)
+    """The text names the frequency of the largest line of the samples."""
+    step, off, folded = 1e-3, [], 0
+    times = 3.0 + np.arange(4096) * step
+    window = np.hanning(len(times))
+    for frequency in np.random.default_rng(1).uniform(300.0, 2700.0, 24):
+        settings = replace_values(QUIET, {"tone_3.force.y": 1.0, "tone_3.frequency": float(frequency)})
+        spectrum = np.abs(np.fft.rfft(window * Disturbance(settings)(times)[:, 1], 2**16))
+        acts = np.fft.rfftfreq(2**16, step)[spectrum.argmax()]
+        texts = Disturbance(settings).explain_aliasing(step)
+        folded += bool(texts)
+        said = float(re.search(r"it acts at ([\d.]+) Hz", texts[0])[1]) if texts else frequency
+        off.append(abs(said - acts))
+    assert 12 < folded < 24
+    verify_claim(
+        "warning.folding",
+        claim="... is above half the rate of steps: it acts at ... Hz instead; or no such warning",
+        where="`ps-fmu run` with wheels, sines and sweeps: terminal, report, `warnings` of summary.json",
+        reference="largest line of the Fourier transform of the samples, 24 sines from 300 to 2700 Hz at steps of 1 ms",
+        error=max(off),
+        bound=0.02,
+        unit="Hz",
+    )
 
 
 def test_scale_and_seed():

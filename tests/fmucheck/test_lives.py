@@ -12,7 +12,7 @@ from time import monotonic
 import pytest
 
 from ps_fmu.cli import main
-from ps_fmu.fmucheck import fmu_check, lives
+from ps_fmu.fmucheck import fmu_check
 from ps_fmu.fmucheck.fmu_check import check_fmu
 from ps_fmu.fmucheck.reading import read_description
 from ps_fmu.fmucheck.verdicts import NOT_RUN, OK
@@ -68,8 +68,8 @@ def tank(library, tmp_path):
 def c_host(fmu: Path, **environment: str) -> dict[str, str]:
     """Problem by stage."""
     content = zipfile.ZipFile(fmu).read("modelDescription.xml")
-    host, description = lives.find_c_host(), read_description(content, fmu)
-    return dict(lives.live_in_c_host(host, fmu, description, **environment))
+    host, description = fmu_check.find_c_host(), read_description(content, fmu)
+    return dict(fmu_check.live_in_c_host(host, fmu, description, **environment))
 
 
 def test_an_fmu_of_another_maker_passes_everything(tank):
@@ -165,7 +165,7 @@ def test_inputs_that_make_no_sense_are_left_out(old, new, tank):
 
 def test_the_host_has_path_and_home_and_nothing_else(tank, monkeypatch):
     asked = []
-    monkeypatch.setattr(lives, "watch_stages", lambda *given: asked.append(given[2]) or [("x", "")])
+    monkeypatch.setattr(fmu_check, "watch_stages", lambda *given: asked.append(given[2]) or [("x", "")])
     monkeypatch.setenv("PATH", "/one:/two")
     monkeypatch.setenv("HOME", "/home/someone")
     monkeypatch.setenv("LD_PRELOAD", "")
@@ -185,7 +185,7 @@ def test_where_no_host_was_compiled_for(tank, monkeypatch):
 
 def test_a_host_that_cannot_be_started(tank, monkeypatch, tmp_path):
     (tmp_path / "host").write_bytes(b"\x7fELF for another machine")
-    monkeypatch.setattr(lives, "find_compiled", lambda name: tmp_path / name)
+    monkeypatch.setattr(fmu_check, "find_compiled", lambda name: tmp_path / name)
     row = next(row for row in check_fmu(tank("{right}")) if row.check == "life in a C host")
     assert row.verdict == NOT_RUN
     assert row.details[0].startswith("the host cannot be started: ")
@@ -250,7 +250,7 @@ def test_the_host_under_checks_of_memory_and_undefined_behaviour(tank, tmp_path,
     command += ["-I", str(find_fmi_headers())]
     command += [str(FOLDER / name) for name in PROGRAMS["host"].list_sources("linux64")]
     subprocess.run([*command, "-o", str(tmp_path / "host"), "-ldl", "-lm"], check=True)
-    monkeypatch.setattr(lives, "find_compiled", lambda name: tmp_path / name)
+    monkeypatch.setattr(fmu_check, "find_compiled", lambda name: tmp_path / name)
     settings = {"ASAN_OPTIONS": "detect_leaks=0:exitcode=99", "UBSAN_OPTIONS": "exitcode=99"}
     for fault in ("{right}", "{reset}", "{slashes}"):
         found = c_host(tank(fault), **settings)

@@ -9,9 +9,9 @@ import pytest
 from fmpy.validation import validate_fmu
 
 from ps_fmu.cosim import SystemFileError
-from ps_fmu.fmucheck.archive_rules import find_problems
 from ps_fmu.fmucheck.reading import read_description
 from ps_fmu.fmucheck.rules import DESCRIPTION_RULES, check_description
+from ps_fmu.fmucheck.structure_rules import find_archive_problems as find_problems
 from ps_fmu.fmucheck.verdicts import FAILED, WARNING
 
 # --- Each rule finds the fault that is made for it, and no other rule does ----------------------------------------

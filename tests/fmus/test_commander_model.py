@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from support.models import Host, slave_class
 
-from ps_fmu.mechanism.forward_kinematics import forward_kinematics
 from ps_fmu.mechanism.inverse_kinematics import inverse_kinematics
+from ps_fmu.mechanism.kinematics import forward_kinematics
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.slavekit.author.ahead import finish
 from ps_fmu.slavekit.author.slave import ModelError, Refused

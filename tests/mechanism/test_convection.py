@@ -8,8 +8,7 @@ from support.mechanics import PAPER, other_geometry, rigid
 
 from ps_fmu.mechanism.convection import COARSE, FINE, TURN, convective_forces
 from ps_fmu.mechanism.dynamics import FlexibleSystem, Pose
-from ps_fmu.mechanism.forward_kinematics import forward_kinematics
-from ps_fmu.mechanism.kinematics import jacobians
+from ps_fmu.mechanism.kinematics import forward_kinematics, jacobians
 from ps_fmu.mechanism.momentum import find_momentum
 from ps_fmu.mechanism.rotations import rotation_from_vector
 

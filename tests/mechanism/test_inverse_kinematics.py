@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.claims import verify_claim
 
-from ps_fmu.mechanism.forward_kinematics import ForwardKinematicsError, forward_kinematics
 from ps_fmu.mechanism.inverse_kinematics import (
     NotConvergedError,
     descend,
@@ -22,7 +22,7 @@ from ps_fmu.mechanism.inverse_kinematics import (
     why_unreachable,
     within_stroke,
 )
-from ps_fmu.mechanism.kinematics import KinematicsError, leg_lengths
+from ps_fmu.mechanism.kinematics import ForwardKinematicsError, KinematicsError, forward_kinematics, leg_lengths
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.mechanism.rotations import rotation_matrix
 
@@ -50,7 +50,15 @@ def test_pose_and_lengths_of_the_multibody_prototype(case):
     pose = inverse_kinematics(GEOMETRY, np.radians(case["orientation_rpy_deg"]))
     np.testing.assert_allclose(pose.translation_B, case["platform_translation_m"], rtol=0, atol=1e-12)
     lengths = GEOMETRY.nominal_lengths[:3] + pose.coarse_displacement
-    np.testing.assert_allclose(lengths, case["coarse_lengths_m"], rtol=0, atol=1e-12)
+    verify_claim(
+        "model.pose",
+        claim="Position and coarse legs at an orientation",
+        where="`ps-fmu analyse workspace`, `run slew`: pose of the mechanism",
+        reference="constraint solution of the multibody program (Pinocchio)",
+        error=np.abs(lengths - case["coarse_lengths_m"]),
+        bound=1e-12,
+        unit="m",
+    )
 
 
 @given(coarse_displacements)
@@ -69,7 +77,15 @@ def test_trilateration_is_exact_to_rounding():
     inverse = inverse_kinematics(GEOMETRY, command)
     assert inverse.residual.max() < 3e-16
     again = forward_kinematics(GEOMETRY, lengths_of(inverse.coarse_displacement))
-    assert np.degrees(np.abs(again.orientation - command)).max() < 1e-12
+    verify_claim(
+        "model.orientation",
+        claim="The platform stands at the orientation that is commanded",
+        where="`ps-fmu run slew`, `analyse trajectories`: nominal orientation less target",
+        reference="forward kinematics of the exact leg lengths, over the workspace",
+        error=np.degrees(np.abs(again.orientation - command)),
+        bound=1e-12,
+        unit="deg",
+    )
 
 
 def test_batches_of_any_shape_equal_single_orientations():

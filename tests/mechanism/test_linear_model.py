@@ -10,8 +10,7 @@ from support.mechanics import PAPER, relative_error, to_rotation_matrix
 
 from ps_fmu.mechanism.centre import Centre
 from ps_fmu.mechanism.discretisation import zero_order_hold
-from ps_fmu.mechanism.forward_kinematics import forward_kinematics
-from ps_fmu.mechanism.kinematics import jacobians
+from ps_fmu.mechanism.kinematics import forward_kinematics, jacobians
 from ps_fmu.mechanism.linear_model import Plant, momentum
 from ps_fmu.mechanism.parameters import Optics
 from ps_fmu.mechanism.quantities import ParameterError

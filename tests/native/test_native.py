@@ -15,7 +15,7 @@ import ps_fmu
 from ps_fmu import native
 from ps_fmu.cosim.errors import CosimError
 from ps_fmu.cosim.isolation import guest_process
-from ps_fmu.fmucheck import lives
+from ps_fmu.fmucheck import fmu_check
 from ps_fmu.native import build
 from ps_fmu.slavekit.pack.errors import BuildError
 from ps_fmu.slavekit.pack.launch import put_launcher_in_front
@@ -96,7 +96,7 @@ def test_a_record_that_says_nothing_of_a_library(copied, text, words):
     ("file", "use", "error"),
     [
         ("isolation.so", guest_process.find_library, CosimError),
-        ("host", lives.find_c_host, OSError),
+        ("host", fmu_check.find_c_host, OSError),
         ("numerics.so", lambda: collect_imported(["ps_fmu.native"], {"ps_fmu": native.FOLDER.parent}), OSError),
         ("launcher.so", lambda: put_launcher_in_front({PurePosixPath("binaries/linux64/A.so"): b""}, "A"), BuildError),
     ],

@@ -24,8 +24,8 @@ from ps_fmu.paper.figures.fig08_11 import report as transmissibility
 from ps_fmu.paper.figures.fig08_11.measured import compute_curves
 from ps_fmu.paper.figures.fig10 import report as stability
 from ps_fmu.paper.figures.fig10.closed_form import judge
-from ps_fmu.paper.figures.table2 import closed_form as table2_theory
 from ps_fmu.paper.figures.table2 import report as jitter
+from ps_fmu.paper.figures.table2 import runs as table2_theory
 from ps_fmu.paper.figures.table2.runs import compute_results
 from ps_fmu.paper.published import published_numbers
 from ps_fmu.runs.options import RunOptions

@@ -7,6 +7,7 @@ from dataclasses import replace
 import netCDF4
 import numpy as np
 import pytest
+from support.claims import verify_claim
 
 from ps_fmu.analyses.table import AnalysisOptions
 from ps_fmu.mechanism.inverse_kinematics import inverse_kinematics, reachable, stroke_margin
@@ -38,17 +39,42 @@ def test_the_platform_points_at_its_targets(built_fmus, tmp_path, monkeypatch):
     residuals = {"trilateration": 1e-12, "Algorithm 1, 1e-06 m": 1e-6, "Algorithm 1, 2e-11 m": 2e-11}  # m
     rows = content["tables"][0]["rows"]
     assert len(rows) == 6
+    off = []
     for path, method, targets, _, error, residual in rows:
         assert targets == "5" and float(error) < limits[method] and float(residual) <= residuals[method]
-        assert content["largest_error_deg"][f"{path}, {method}"] < limits[method]
+        off.append(content["largest_error_deg"][f"{path}, {method}"] / limits[method])
+    verify_claim(
+        "paper.trajectories",
+        claim="Largest error along a path, by solver",
+        where="`ps-fmu analyse trajectories`: terminal, report, trajectories.json",
+        reference="target against orientation of the plant: 1e-11 deg in closed form, 1e-3 and 1e-8 by Algorithm 1",
+        error=off,
+        bound=1.0,
+        unit="of what the solver's error limit allows",
+    )
     assert content["largest_error_deg"]["roll-pitch, Algorithm 1, 2e-11 m"] > 1e-9
-    assert content["beyond_refused"] == [True] * 6
+    verify_claim(
+        "run.out_of_reach",
+        claim="The target is out of reach: the platform stayed where it was",
+        where="`ps-fmu run`, `analyse trajectories`: terminal, report, `reachable` of summary.json",
+        reference="six targets within and six beyond the limits of Table 1, through the commander",
+        error=content["beyond_refused"].count(False) + abs(len(content["beyond_refused"]) - 6),
+        bound=0,
+        unit="targets",
+    )
     assert "Algorithm 1 stops at an error of 1e-06 m" in content["text"][1] and "2e-11 m: " in content["text"][1]
     assert [picture.path.stat().st_size > 20_000 for picture in result.pictures] == [True] * 2
 
     found = {finding.key: finding for finding in result.findings}
-    for key in LIMITS:
-        assert found[key].cosimulated == pytest.approx(published_numbers()[key].value, abs=1e-4)  # deg
+    verify_claim(
+        "paper.limits",
+        claim="Largest roll, pitch and yaw, each alone",
+        where="`ps-fmu analyse trajectories`, `workspace`: terminal, report",
+        reference="the plant and the commander driven there, against the paper's Table 1",
+        error=[abs(found[key].cosimulated - published_numbers()[key].value) for key in LIMITS],
+        bound=1e-4,
+        unit="deg",
+    )
     assert found["text.cone"].cosimulated == pytest.approx(8.9793, abs=1e-4)
     assert 1e-9 < found["fig7.error"].cosimulated < 1e-8
     assert found["fig7.error"].cosimulated == pytest.approx(found["fig7.error"].computed, rel=1e-3)

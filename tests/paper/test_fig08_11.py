@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.claims import verify_claim
 
 from ps_fmu.analyses.table import AnalysisOptions
 from ps_fmu.cosim import read_system
@@ -15,7 +16,7 @@ from ps_fmu.paper.bus_cases import CASES
 from ps_fmu.paper.figures.fig08_11 import measured as transmissibility_measured
 from ps_fmu.paper.figures.fig08_11.measured import SETUPS, Setup
 from ps_fmu.paper.figures.fig08_11.report import analyse
-from ps_fmu.paper.figures.table2.closed_form import ORIENTATIONS
+from ps_fmu.paper.figures.table2.runs import ORIENTATIONS
 from ps_fmu.pointing.response import Response
 from ps_fmu.scenarios.shaking import Shaking, measure
 from ps_fmu.theory.transmissibility import from_base
@@ -35,6 +36,15 @@ def test_measured_on_the_fmus(setup, built_fmus):
     found = Agreement(response, setup.closed_form(SHORT.lines, SHORT.step))
     assert found.checked.sum() == 490  # all from 2 to 100 Hz, 0.2 Hz apart
     assert found.holds, found.entry
+    verify_claim(
+        "paper.transmissibility",
+        claim="Transmissibility from bus to payload, passive and active, in closed form",
+        where="`ps-fmu analyse transmissibility`: terminal, report, transmissibility.json",
+        reference="the running FMUs, shaken: 490 frequencies from 2 to 100 Hz, by gain",
+        error=found.entry["largest_deviation_db"],
+        bound=0.2,
+        unit="dB",
+    )
     assert not Agreement(response, from_base(setup.loop, 2j * np.pi * SHORT.lines, active=True)).holds
     turned = replace(setup, orientation="pitch")
     assert not Agreement(response, turned.closed_form(SHORT.lines, SHORT.step)).holds

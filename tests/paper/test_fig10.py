@@ -9,9 +9,10 @@ from types import SimpleNamespace
 import netCDF4
 import numpy as np
 import pytest
+from support.claims import verify_claim
 
 from ps_fmu.analyses.table import AnalysisOptions
-from ps_fmu.cosim import read_parameters, read_system
+from ps_fmu.cosim import Master, read_parameters, read_system
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.paper.bus_cases import CASES, case_start_values, load_case
 from ps_fmu.paper.figures.fig10 import report
@@ -21,7 +22,8 @@ from ps_fmu.paper.figures.fig10.plots import explore_responses
 from ps_fmu.paper.figures.fig10.report import analyse
 from ps_fmu.paper.figures.fig10.runs import MOVED, PULSE_S, SHAKEN, SHAKING, OpenLoop, cut_loop
 from ps_fmu.paper.published import published_numbers
-from ps_fmu.pointing.response import Response
+from ps_fmu.pointing.response import Response, slowest_mode
+from ps_fmu.results.observers.sampler import SampleObserver
 from ps_fmu.runs.options import OptionError
 from ps_fmu.runs.run import execute
 from ps_fmu.runs.scenario import SCENARIOS
@@ -54,14 +56,32 @@ def test_findings_on_the_fmus(runs):
     for case in ("OSM", "LSM", "LDLSM"):
         finding = found[f"fig10.{case}_growth"]
         assert finding["cosimulated"] == pytest.approx(finding["computed"], rel=0.03)
-    for case in CASES:
-        loop = content["open_loop"][case]
-        assert loop["lines"] == loop["lines_checked"] == 140
-        assert loop["largest_deviation_db"] < 0.2 and loop["largest_deviation_deg"] < 2.0
+    loops = [content["open_loop"][case] for case in CASES]
+    assert all(loop["lines"] == loop["lines_checked"] == 140 for loop in loops)
+    assert all(loop["largest_deviation_deg"] < 2.0 for loop in loops)
+    verify_claim(
+        "stability.open_loop",
+        claim="Loop transfer of the isolator, and its margins against -1",
+        where="`ps-fmu analyse stability`: terminal, report, stability.json",
+        reference="the loop cut open in the FMUs and shaken at 140 frequencies, four cases",
+        error=[loop["largest_deviation_db"] for loop in loops],
+        bound=0.2,
+        unit="dB",
+    )
     responses = content["responses"]
     assert [r["case"] for r in responses] == [*np.repeat(CASES, 2), "LSM"]
-    for response in responses:
-        assert response["pole_rad_s"] == pytest.approx(response["predicted_pole_rad_s"], rel=2e-3)
+    poles, predicted = (
+        np.array([response[key] for response in responses]) @ [1.0, 1j]
+        for key in ("pole_rad_s", "predicted_pole_rad_s")
+    )
+    verify_claim(
+        "stability.poles",
+        claim="Slowest pole of the suspension: growth, frequency",
+        where="`ps-fmu analyse stability`: terminal, report, stability.json",
+        reference="free motion of the FMUs after a pulse, by the eigensystem realisation: nine runs",
+        error=np.abs(poles / predicted - 1.0),
+        bound=2e-3,
+    )
     assert [r["stable"] for r in responses] == [True] * 8 + [False]  # the last is beyond its limit
     assert responses[-1]["pole_rad_s"][0] > 0.4 and responses[-1]["last_second_over_first"] > 1.5
 
@@ -246,3 +266,36 @@ def test_the_step_is_a_delay_of_one_and_a_half_where_no_mode_is(closed_form):
     sampled = loop_sampled(loop, 2j * np.pi * some, h)[:, 0, 0]
     assert np.abs(sampled / later - 1.0).max() < 5e-3
     assert np.abs(loop_sampled(loop, 2j * np.pi * some, 0.0) - loop.transfer(2j * np.pi * some)).max() < 1e-15
+
+
+def test_the_longest_delay_is_the_edge_of_the_runs(built_fmus):
+    """The lighter module, shaken for 2 s, with delays on both sides: in between is where nothing grows or decays."""
+    step, every, free_s, end_s = 5e-4, 20, 2.5, 12.0  # s, rows, s, s
+    legs = [f"plant.fine_displacement_{leg}" for leg in (1, 2, 3)]
+    sweep = {"force.x": 5.0, "torque.x": 5.0, "duration": 2.0, "initial_frequency": 4.0, "final_frequency": 7.0}
+    quiet = {"disturbance.noise.enabled": False, "disturbance.rise_time": 0.5, "isolator.enabled": True}
+    shaken = {f"disturbance.chirp.{name}": value for name, value in sweep.items()} | {"disturbance.chirp.start": 0.0}
+    system = read_system(SYSTEM, built_fmus).with_parameters({**case_start_values("LSM"), **quiet, **shaken})
+
+    def find_growth(delay):
+        """1/s, of the slowest pair of poles of the free motion, by the eigensystem realisation."""
+        with Master(system.with_parameters({"isolator.delay": delay}), step) as master:
+            master.initialise()
+            samples = SampleObserver(master.columns, legs, range(round(free_s / step), round(end_s / step) + 1, every))
+            master.run(end_s, [samples])
+        return slowest_mode(samples.values(*legs), step * every, 24, (4.0, 7.0)).real
+
+    below, above = 0.090, 0.092  # s
+    slower, faster = find_growth(below), find_growth(above)
+    assert slower < 0.0 < faster
+    edge = below + (above - below) * slower / (slower - faster)
+    limit = loop_at(load(bus="LSM")).delay_limit - 1.5 * step  # the exchange of the FMUs takes one and a half steps
+    verify_claim(
+        "stability.delay_limit",
+        claim="Longest delay with which the isolator's loop is stable, 91.6 ms on the lighter support module",
+        where="`ps-fmu analyse stability`: terminal, report, stability.json",
+        reference="runs of the FMUs with delays on both sides: the delay at which they neither grow nor decay",
+        error=abs(edge - limit),
+        bound=4e-4,
+        unit="s",
+    )

@@ -6,11 +6,12 @@ from itertools import islice
 
 import numpy as np
 import pytest
+from support.claims import verify_claim
 
 from ps_fmu.cli import main
 from ps_fmu.cosim.ssp.parameters import read_parameters
 from ps_fmu.interface.start_values import differences
-from ps_fmu.mechanism.forward_kinematics import ForwardKinematicsError
+from ps_fmu.mechanism.kinematics import ForwardKinematicsError
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.paper import workspace
 from ps_fmu.paper.identification import geometry, noise, steps, suspension
@@ -91,7 +92,16 @@ def test_slopes_of_table_1_are_those_of_differences(seed):
 
 
 def test_a_search_meets_every_printed_digit_of_table_1(found):
-    assert np.all(np.abs(geometry.limits(found.geometry) - targets(geometry.KEYS)) <= roundings(geometry.KEYS))
+    away = np.abs(geometry.limits(found.geometry) - targets(geometry.KEYS))
+    verify_claim(
+        "paper.identified_geometry",
+        claim="Another geometry that meets Table 1 to the last printed digit",
+        where="`ps-fmu identify`: terminal, parameter file, report",
+        reference="limits of that geometry by the workspace's own search, over half a unit of the last digit",
+        error=away / roundings(geometry.KEYS),
+        bound=1.0,
+        unit="half units of the last digit",
+    )
     assert geometry.list_flaws(found.geometry, found.condition) == []
     assert found.condition <= geometry.LARGEST_CONDITION
     # The starts are far away.
@@ -164,7 +174,14 @@ def test_planted_stiffness_is_recovered(monkeypatch):
     margins = suspension.margins(suspension.with_suspension(p, planted))
     found = suspension.fit(p)
     assert found.reached == pytest.approx(margins, rel=1e-3)
-    assert found.values[0] == pytest.approx(suspension.RANGES[0].at(planted[0]), rel=0.02)
+    verify_claim(
+        "paper.identified_stiffness",
+        claim="Stiffness of the suspension, from published margins",
+        where="`ps-fmu identify`: terminal, parameter file, report",
+        reference="margins computed from a planted stiffness, 15 % from the start",
+        error=abs(found.values[0] / suspension.RANGES[0].at(planted[0]) - 1.0),
+        bound=0.02,
+    )
 
 
 def test_a_stretched_payload_is_still_a_body_of_the_same_mass():

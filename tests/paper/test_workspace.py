@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
+from support.claims import verify_claim
 
 from ps_fmu.mechanism.inverse_kinematics import inverse_kinematics, reachable, stroke_margin
 from ps_fmu.mechanism.parameters import load
@@ -46,9 +47,18 @@ def test_a_step_that_does_not_divide_the_stroke_still_ends_at_its_ends():
 
 def test_table_1(boundary):
     found = np.degrees(limits(boundary))
+    off = []
     for i, angle in enumerate(("roll", "pitch", "yaw")):
         for column, end in enumerate(("min", "max")):
-            assert found[i, column] == pytest.approx(published_numbers()[f"table1.{angle}_{end}"].value, rel=1e-5)
+            off.append(abs(found[i, column] / published_numbers()[f"table1.{angle}_{end}"].value - 1.0))
+    verify_claim(
+        "paper.table_1",
+        claim="Limits of roll, pitch and yaw",
+        where="`ps-fmu analyse workspace`: terminal, report, workspace.json",
+        reference="Table 1 of the paper",
+        error=off,
+        bound=1e-5,
+    )
 
 
 def test_the_extremes_lie_on_the_surface(boundary):
@@ -70,10 +80,16 @@ def test_singular_values_give_the_condition_number(boundary):
 
 def test_one_angle_alone_ends_where_a_leg_is_at_its_stop():
     found = pure_limits(GEOMETRY)
-    for i in range(3):
-        for angle in found[i]:
-            pose = inverse_kinematics(GEOMETRY, angle * np.eye(3)[i])
-            assert abs(stroke_margin(GEOMETRY, pose.coarse_displacement).min()) < 1e-9  # m
+    poses = [inverse_kinematics(GEOMETRY, angle * np.eye(3)[i]) for i in range(3) for angle in found[i]]
+    verify_claim(
+        "paper.one_angle",
+        claim="Largest roll, pitch and yaw alone",
+        where="`ps-fmu analyse workspace`: terminal, report, workspace.json",
+        reference="inverse kinematics there: a leg is at its stop",
+        error=[abs(stroke_margin(GEOMETRY, pose.coarse_displacement).min()) for pose in poses],
+        bound=1e-9,
+        unit="m",
+    )
     assert np.degrees(found[1]) == pytest.approx([-7.9, 7.4], abs=0.05)
 
 
@@ -101,7 +117,15 @@ def test_no_direction_allows_less_tilt_than_the_smallest():
     degree = np.radians(np.arange(360.0))
     found = smallest_tilt(GEOMETRY, degree)
     anywhere = np.random.default_rng(1).uniform(0.0, 2.0 * np.pi, 500)
-    assert cone(GEOMETRY, anywhere).min() > found - 1e-9
+    verify_claim(
+        "paper.cone",
+        claim="Tilt that is within reach in any direction, rounded down",
+        where="`ps-fmu analyse workspace`: terminal, report, workspace.json",
+        reference="the limit in 500 drawn directions",
+        error=found - cone(GEOMETRY, anywhere),
+        bound=1e-9,
+        unit="rad",
+    )
     assert found < cone(GEOMETRY, degree).min()  # 1.5e-4 deg below what whole degrees show
     finer = smallest_tilt(GEOMETRY, np.radians(np.arange(90.0, 150.0, 0.2)))
     assert finer == pytest.approx(found, abs=np.radians(3e-7))

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from support.claims import verify_claim
 
 from ps_fmu.pointing import (
     AbsoluteError,
@@ -65,10 +66,17 @@ def test_contributions_add_up(sources, index, step):
     assert found.variance == pytest.approx(whole, rel=1e-9)
     assert found.pairs.shape == (5, 5, 5)
     assert found.by_resonance.shape == (3,)
-    by_line = np.array([found.contribution(line) for line in found.lines])
-    for part in (found.pairs, found.by_band, found.by_resonance, by_line):
-        assert part.sum() == pytest.approx(whole, rel=1e-9)
-    assert found.rms == pytest.approx(np.sqrt(whole))
+    by_line = sum(found.contribution(line).sum() for line in found.lines)
+    sums = [part.sum() for part in (found.pairs, found.by_band, found.by_resonance)]
+    parts = [found.variance, found.rms**2, by_line, *sums]
+    verify_claim(
+        "budget.shares_add_up",
+        claim="The shares by source, by frequency band and by resonance each add up to the index",
+        where="`ps-fmu analyse budget`: terminal, budget.html and budget.json",
+        reference="closed form of the index on the spectrum of the whole error, which knows no sources, bands or modes",
+        error=np.abs(np.array(parts) / whole - 1.0),
+        bound=1e-9,
+    )
 
 
 def test_a_source_alone_is_its_contribution(sources):
@@ -139,6 +147,15 @@ def test_no_share_is_below_zero_or_above_all(seed):
     assert (shares.sum(axis=1) > -1e-6).all() and (shares > -0.006).all()
     assert sorted(k for line in found.lines for k in line.channels) == list(range(7))
     assert (np.abs(found.correlation) < 1.0 + 1e-9).all()
+    resonances = found.by_resonance / found.variance
+    verify_claim(
+        "budget.shares_within_the_whole",
+        claim="Shares of sources and resonances lie between 0 and 100 %, also of sources that cancel each other",
+        where="`ps-fmu analyse budget`: terminal, budget.html and budget.json",
+        reference="20 draws of six strongly correlated sources",
+        error=np.concatenate([-each for each in (shares.sum(axis=1), resonances)]),
+        bound=1e-8,
+    )
 
 
 def test_lines_of_unknown_phase_have_a_mean_and_a_worst():
@@ -150,9 +167,15 @@ def test_lines_of_unknown_phase_have_a_mean_and_a_worst():
     phase = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 3600, endpoint=False))
     answer = ways[0, :, 0] + ways[0, :, 1] + np.outer(phase, ways[0, :, 2])
     square = 0.5 * (np.abs(answer) ** 2).sum(axis=1)
-    assert found.variance == pytest.approx(square.mean(), rel=1e-9)
-    assert found.worst_variance == pytest.approx(square.max(), rel=1e-5)
     assert found.worst_rms > found.rms
+    verify_claim(
+        "budget.worst_phases",
+        claim="Mean over the unknown phases of lines of one frequency, and the worst phases",
+        where="`ps-fmu analyse budget` with wheels: RMS (worst phases)",
+        reference="mean and largest of 3600 phases, one after the other",
+        error=np.abs([found.variance / square.mean() - 1.0, found.worst_variance / square.max() - 1.0]),
+        bound=1e-5,
+    )
     with pytest.raises(ValueError, match="w, phases: expected 3, got 1"):
         Source("w", ("a", "b", "c"), np.array([3.0]), ways, step_together, lines=True, phases=("1",))
 
@@ -253,7 +276,15 @@ def test_two_modes_have_what_each_makes_alone():
     frequency = np.unique(np.concatenate([np.linspace(0.1, 49.0, 2000), *crowded]))
     source = Source("s", ("one", "two"), frequency, model.response(frequency), np.eye(2))
     found = make_budget(AbsoluteError(), [source], EDGES, resonances=find_resonances(model.poles, np.inf))
-    assert found.by_resonance[:2] == pytest.approx(2.0 / np.pi * np.arctan(10.0) * np.pi * f / (4.0 * z), rel=0.02)
+    expected = 2.0 / np.pi * np.arctan(10.0) * np.pi * f / (4.0 * z)
+    verify_claim(
+        "budget.shares_of_resonances",
+        claim="What lies in the resonance of a mode",
+        where="`ps-fmu analyse budget`: table of resonances, by_resonance",
+        reference="variance of an oscillator under white noise, pi f / (4 zeta), times 2/pi atan 10, for two modes",
+        error=np.abs(found.by_resonance[:2] / expected - 1.0),
+        bound=0.02,
+    )
 
 
 def record(time):

@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from support.claims import verify_claim
 
 from ps_fmu.pointing import indices
 from ps_fmu.pointing.interpretation import Interpretation
@@ -175,7 +176,14 @@ def test_the_examples_of_the_document(write):
     ],
 )
 def test_values_in_other_units(text, unit, value):
-    assert parse_quantity(text).to(unit) == pytest.approx(value, rel=1e-14)
+    verify_claim(
+        "requirement.units",
+        claim="Limits and values in other units",
+        where="`ps-fmu run --requirements`, `judge`, `sweep`: all tables",
+        reference="the units' definitions",
+        error=abs(parse_quantity(text).to(unit) / value - 1.0),
+        bound=1e-14,
+    )
 
 
 @pytest.mark.parametrize(

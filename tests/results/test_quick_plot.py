@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ps_fmu.results.quick_plot import MOST_LINES, MOST_PANELS, Line, draw_quick_plot
+from ps_fmu.results.figures import MOST_LINES, MOST_PANELS, Line, draw_quick_plot
 
 
 def test_only_the_columns_that_are_drawn_are_read(tmp_path):

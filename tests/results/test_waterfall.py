@@ -7,7 +7,7 @@ import pytest
 from matplotlib import image
 from support.reports import FLOOR, PEAK, make_waterfall
 
-from ps_fmu.results.page.packing import encode_levels
+from ps_fmu.results.page.writer import encode_levels
 from ps_fmu.results.waterfall import RANGE_DB, CasePanel, ModeLine, draw_waterfall, name_group
 
 

@@ -8,6 +8,7 @@ from functools import partial
 import netCDF4
 import numpy as np
 import pytest
+from support.claims import verify_claim
 from support.required import ENTRIES, to_toml
 
 from ps_fmu.cli import main
@@ -101,9 +102,19 @@ def test_judging_all_stored_rows_gives_the_verdicts_of_the_run(required):
     options = required({"index": "RPE", "at": "end", "window": "50 ms"})
     execute(options)
     stored = judge_files([options.output / "results.nc"], read_requirements(options.requirements))
-    for during, after in zip(read_verdicts(options), stored, strict=True):
-        assert during["value"] == pytest.approx(after.as_dict()["value"], rel=1e-9)
-        assert during["margin"] == pytest.approx(after.as_dict()["margin"], rel=1e-9)
+    pairs = [
+        (during[key], after.as_dict()[key])
+        for during, after in zip(read_verdicts(options), stored, strict=True)
+        for key in ("value", "margin")
+    ]
+    verify_claim(
+        "requirement.judge",
+        claim="Verdicts of results.nc are those of the run",
+        where="`ps-fmu judge`: terminal, JSON",
+        reference="the run's own verdicts, where every step is stored",
+        error=[abs(during / after - 1.0) for during, after in pairs],
+        bound=1e-9,
+    )
 
 
 @pytest.mark.parametrize(

@@ -1,10 +1,13 @@
 """Warnings of runs whose FMUs describe different mechanisms."""
 
 import re
+import xml.etree.ElementTree as ET
+import zipfile
 from functools import partial
 from pathlib import Path
 
 import pytest
+from support.claims import verify_claim
 
 from ps_fmu.cosim import read_parameters
 from ps_fmu.cosim.ssp.writing import start_values_xml
@@ -73,6 +76,39 @@ def test_the_centre_of_mass_in_the_disturbance_source_alone(warnings_of):
     assert text.endswith("--apart disturbance.bus.com")
     # Where no noise acts, nothing acts there.
     assert warnings_of(given | {"disturbance.noise.enabled": False}) == []
+
+
+def test_whatever_a_component_knows_of_the_plant_is_compared(make_options, built_fmus):
+    """Each number of the plant changed alone, by one part in a million, against the names in the model descriptions."""
+
+    def read_names(model):
+        with zipfile.ZipFile(built_fmus / f"{model}.fmu") as archive:
+            variables = ET.fromstring(archive.read("modelDescription.xml")).iterfind(".//ScalarVariable")
+        return {one.get("name"): one.find("Real") for one in variables if one.get("causality") == "parameter"}
+
+    models = {"isolator": "FeedforwardIsolator", "commander": "PointingCommander", "disturbance": "DisturbanceSource"}
+    known = {component: read_names(model) for component, model in models.items()}
+    system = load_system(make_options("isolation", 1.0))
+    wrong, shared = [], 0
+    for name, real in read_names("ManipulatorPlant").items():
+        if real is None:
+            continue
+        changed = float(real.get("start")) + 1e-6 * max(abs(float(real.get("start"))), 1.0)
+        texts = list(list_mismatches(system, {f"plant.{name}": changed}))
+        expected = {component for component, own in known.items() if own.get(name) is not None}
+        found = {text.split()[0] for text in texts}
+        shared += len(expected)
+        wrong += [(name, found ^ expected)] if found != expected else []
+    assert shared > 100
+    verify_claim(
+        "warning.mismatch",
+        claim="... describes another mechanism than the plant: for each component that knows a number otherwise",
+        where="`ps-fmu run`, `ps-fmu sweep`: terminal, report, `warnings` of summary.json",
+        reference="names in the modelDescription.xml of the FMUs; each number of the plant is changed alone by 1e-6",
+        error=len(wrong),
+        bound=0.0,
+        unit="numbers missed or named in vain",
+    )
 
 
 def test_the_known_centre_of_mass_is_meant_until_the_plant_changes(warnings_of):

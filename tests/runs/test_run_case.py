@@ -189,6 +189,12 @@ def test_progress_bar(capsys, shown):
     assert ("5.0 x real time" in text) == shown
 
 
+def test_the_bar_ends_at_its_end_however_times_are_rounded(recwarn):
+    with show_progress("passive", 0.3, True) as advance:
+        advance(3 * 0.1, 1.0, 0.3)  # 0.30000000000000004
+    assert not recwarn.list
+
+
 def test_no_progress_bar_without_an_error_stream(monkeypatch):
     monkeypatch.setattr("sys.stderr", None)
     with show_progress("passive", 20.0, True) as advance:

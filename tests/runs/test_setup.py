@@ -1,12 +1,16 @@
 """Where the start values of a run come from, and the band of the noise."""
 
+import hashlib
 import re
 from dataclasses import replace
 
+import numpy as np
 import pytest
+from support.claims import verify_claim
 from support.models import COMPONENTS
 
 from ps_fmu.cosim import UsageError
+from ps_fmu.disturbance.gaussian import GaussianNoise
 from ps_fmu.runs.options import OptionError, RunOptions
 from ps_fmu.runs.setup import collect_parameters, identify_fmus, load_system
 
@@ -60,6 +64,18 @@ def test_the_noise_ends_where_the_step_would_fold_it(make_options, capsys):
     options = make_options("isolation", 1.0, step_s=1e-3)
     assert load_system(options).get_start(BAND) == pytest.approx(400.0)
     assert "The noise ends at 400 Hz: a step of 0.001 s" in capsys.readouterr().err
+    noise = GaussianNoise(np.eye(6), np.array([0.1, 400.0]), 1)(2.0 + np.arange(2**15) * 1e-4)[:, 0]
+    density = np.abs(np.fft.rfft(noise * np.hanning(2**15))) ** 2
+    frequency = np.fft.rfftfreq(2**15, 1e-4)
+    verify_claim(
+        "warning.noise_ends",
+        claim="The noise ends at ... Hz: a step of ... s would fold what is above",
+        where="`ps-fmu run`, `sweep`: terminal, report, `warnings` of summary.json",
+        reference="periodogram of the generator's noise at steps of 0.1 ms: what is left above half the rate, 500 Hz",
+        error=density[frequency > 500.0].sum() / density.sum(),
+        bound=1e-6,
+        unit="of the variance",
+    )
     fine = make_options("isolation", 1.0, step_s=4e-4)
     assert load_system(fine).get_start(BAND) == 1000.0
     assert capsys.readouterr().err == ""
@@ -90,9 +106,19 @@ def test_without_noise_there_is_nothing_to_limit(make_options, capsys):
 
 
 def test_fmus_are_identified(make_options):
-    files = identify_fmus(load_system(make_options("isolation", 1.0)))
+    options = make_options("isolation", 1.0)
+    files = identify_fmus(load_system(options))
     assert {file.name for file in files} == set(COMPONENTS.values())
-    assert all(len(file.sha256) == 64 for file in files)
+    hashes = {file.name: hashlib.sha256((options.fmus / f"{file.name}.fmu").read_bytes()).hexdigest() for file in files}
+    verify_claim(
+        "run.identity",
+        claim="Names and SHA-256 of the FMUs",
+        where="report, `fmus` of summary.json, results.nc",
+        reference="SHA-256 of the files by hashlib",
+        error=sum(file.sha256 != hashes[file.name] for file in files),
+        bound=0,
+        unit="hashes that differ",
+    )
 
 
 def test_a_system_without_a_disturbance_is_refused(make_options, tmp_path):

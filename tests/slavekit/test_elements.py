@@ -19,10 +19,10 @@ from ps_fmu.slavekit.author.elements import (
     Sample,
     Sine,
     Watch,
+    find_full_delay,
     ring_size,
 )  # fmt: skip
 from ps_fmu.slavekit.author.guard import ModelError
-from ps_fmu.slavekit.author.program import find_full_delay
 
 
 @pytest.fixture

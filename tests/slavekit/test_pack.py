@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 import pythonfmu
 
+from ps_fmu.files.plain import write_atomically
 from ps_fmu.native import list_platforms, read_compiled
 from ps_fmu.native.build import find_fmi_headers
 from ps_fmu.slavekit.pack import licenses
 from ps_fmu.slavekit.pack.bundle import cut_unloaded
-from ps_fmu.slavekit.pack.files import write_atomically
 from ps_fmu.slavekit.pack.licenses import License
 from ps_fmu.slavekit.pack.sources import BuildError, collect_modules, rename_imports
 

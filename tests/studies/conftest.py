@@ -122,22 +122,27 @@ def read(write_study, toy_fmus):
 
 
 @contextmanager
-def start_by_hand(folder):
-    """The address of a scheduler with two workers, each started by its command, and the processes."""
+def start_by_hand(folder, workers=2, *more, scheduler=(), environment=None):
+    """The address of a scheduler with workers, each started by its command, and the processes.
+
+    ``more``: arguments of the workers; ``scheduler``: of the scheduler.
+    """
     file = folder / "scheduler.json"
-    scheduler = start_dask("scheduler", "--port", "0", "--scheduler-file", str(file))
-    processes = [scheduler]
+    file.unlink(missing_ok=True)
+    begun = start_dask("scheduler", "--port", "0", "--scheduler-file", str(file), *scheduler, environment=environment)
+    processes = [begun]
     try:
         address = wait_for_scheduler(file)
-        for number in (1, 2):
+        for number in range(1, workers + 1):
             own = folder / f"node{number}"
-            own.mkdir()
+            own.mkdir(exist_ok=True)
             processes.append(
                 start_dask("worker", "--scheduler-file", str(file), "--nthreads", "1", "--name", f"node{number}",
-                           "--local-directory", str(own))
+                           "--local-directory", str(own), *more, environment=environment)
             )  # fmt: skip
-        with Client(address, timeout=PATIENCE_S, set_as_default=False) as client:
-            client.wait_for_workers(2, PATIENCE_S)  # else one may do all before the other has started
+        if workers > 1:  # else one may do all before the other has started
+            with Client(address, timeout=PATIENCE_S, set_as_default=False) as client:
+                client.wait_for_workers(workers, PATIENCE_S)
         yield address, processes
     finally:
         for process in processes:

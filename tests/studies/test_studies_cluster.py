@@ -1,16 +1,26 @@
 """Clusters: what their processes keep of the past is bounded; schedulers and workers that end."""
 
 import os
+import re
+import shlex
+import shutil
+import signal
 import socket
+import subprocess
 from pathlib import Path
 
+import dask
 import psutil
 import pytest
+import yaml
 from support.processes import PATIENCE_S, end_with_children, start_dask, wait_for_scheduler, wait_until
 
+import ps_fmu
 from ps_fmu.studies import cluster
 from ps_fmu.studies.bundle import open_folder
-from ps_fmu.studies.rows import DONE, KILLED, ClusterError, RowStore
+from ps_fmu.studies.rows import DONE, KILLED, ClusterError, RowStore, VersionError
+
+from .conftest import start_by_hand
 
 
 def count_messages(dask_scheduler):
@@ -118,6 +128,110 @@ def test_workers_remove_the_files_of_a_study_when_the_next_one_begins(make_prepa
         assert left.name.startswith(f"study_{opened[0].bundle.sha256[:16]}_")
 
 
+def test_what_stops_is_noticed_within_ten_seconds(monkeypatch):
+    """A worker at the third sign of life that is due, whatever the clocks say; and not if the command was stopped."""
+    assert cluster.UNANSWERED * (cluster.WATCH_S + cluster.ANSWER_S) < 10.0
+    clock = [1e6]
+    monkeypatch.setattr("time.monotonic", lambda: clock[0])
+    silences = cluster.Silences()
+
+    def look(seconds):
+        """Of a worker that is heard of each half a second, until it is stopped after 20 s, and one that goes on."""
+        clock[0] += seconds
+        heard = 0.5 * ((clock[0] - 1e6) // 0.5)
+        return silences.find({"stops": {"last_seen": min(heard, 20.0)}, "goes on": {"last_seen": heard}})
+
+    found = {since: look(1.0) for since in range(1, 31)}
+    assert not any(found[since] for since in range(1, 26))
+    assert found[29] == {"stops"}
+    assert look(3600.0) == {"stops"}
+    silences = cluster.Silences()
+    assert [silences.find({"one": {"last_seen": 5.0}}) for clock[0] in (1e7, 1e7 + 0.1, 2e7, 2e7 + 0.1)] == [set()] * 4
+
+
+def test_a_scheduler_that_is_stopped_is_noticed(opened, hand_started, monkeypatch):
+    """It keeps its connections: nothing but its silence tells of it."""
+    monkeypatch.setattr(cluster, "WATCH_S", 0.2)
+    monkeypatch.setattr(cluster, "ANSWER_S", 1.0)
+    (_, address, *_), (process, *_) = hand_started
+    said = rf"the scheduler {address} has not answered for 3 s: it is stopped, .*: continue it, or start another one"
+    with cluster.connect(address, None, PATIENCE_S) as client, pytest.raises(ClusterError, match=said):
+        dispatch(client, opened, lambda *_: process.send_signal(signal.SIGSTOP))
+    assert 0 < len(list_cases(opened)) < 6
+
+
+def test_what_a_worker_had_that_is_stopped_runs_elsewhere(opened, tmp_path, monkeypatch, capfd):
+    """Without a nanny, which would start it anew."""
+    monkeypatch.setattr(cluster, "SILENT_S", 1.0)
+    with (
+        start_by_hand(tmp_path, 1, "--no-nanny") as (address, processes),
+        cluster.connect(address, None, PATIENCE_S) as client,
+    ):
+
+        def stop(*_):
+            if not stopped:
+                stopped.extend(client.run(os.getpid).values())
+                os.kill(stopped[0], signal.SIGSTOP)
+                processes.append(start_dask("worker", address, "--local-directory", str(tmp_path)))
+
+        stopped = []
+        dispatch(client, opened, stop)
+        assert list_cases(opened) == list(range(6))
+        assert stopped[0] not in client.run(os.getpid).values()
+    assert "worker node1 (tcp://" in (said := capfd.readouterr().err)
+    assert "has not been heard of for 1 s: it is stopped, or its machine" in said
+
+
+def test_a_worker_with_other_modules_or_without_any_is_refused(opened, tmp_path):
+    """Releases may be the same; a worker without ps_fmu would end by the first that it gets."""
+    copy = tmp_path / "copy"
+    shutil.copytree(Path(ps_fmu.__file__).parent, copy / "ps_fmu", ignore=shutil.ignore_patterns("__pycache__"))
+    with (copy / "ps_fmu" / "pointing" / "indices.py").open("a") as file:
+        file.write("# a change\n")
+    other = f"import sys; sys.path.insert(0, {str(copy)!r})"
+    none = (
+        "import importlib.metadata as m; real = m.version; "
+        "m.version = lambda name: real('no_such_package' if name == 'ps_fmu' else name)"
+    )
+    cases = (
+        (other, r"worker odd@.* has ps_fmu \S+ \(modules \w{12}\) instead of \S+ \(modules \w{12}\): rows"),
+        (none, r"worker odd \(tcp://.*\) has ps_fmu not installed instead of [\d.]+: rows would not be"),
+    )
+    named = ("--name", "odd", "--no-nanny", "--local-directory", str(tmp_path))
+    with start_by_hand(tmp_path, 0) as (address, processes):
+        for beginning, problem in cases:
+            processes.append(start_dask("worker", address, *named, beginning=beginning))
+            refused = pytest.raises(VersionError, match=problem)
+            with cluster.connect(address, None, PATIENCE_S) as client, refused:
+                dispatch(client, opened)
+            end_with_children(processes[-1])
+    assert list_cases(opened) == []
+
+
+def test_a_study_goes_over_tls(opened, tmp_path):
+    """As docs/cluster.md says: one certificate, made by openssl, for all."""
+    manual = (Path(__file__).parents[2] / "docs" / "cluster.md").read_text(encoding="utf-8")
+    (command,) = re.findall(r"^openssl .*$", manual, re.MULTILINE)
+    subprocess.run(shlex.split(command), cwd=tmp_path, check=True, capture_output=True)
+    (settings,) = re.findall(r"```yaml\n(.*?)```", manual, re.DOTALL)
+    config = tmp_path / "config"
+    config.mkdir()
+    (config / "tls.yaml").write_text(settings.replace("/home/me/", f"{tmp_path}/"))
+    environment = {"DASK_CONFIG": str(config)}
+    with start_by_hand(tmp_path, 1, scheduler=("--protocol", "tls"), environment=environment) as (address, _):
+        assert address.startswith("tls://")
+        refused = pytest.raises(ClusterError, match=f"--scheduler {address}: TLS expects a `ssl_context`")
+        with refused, cluster.connect(address, None, PATIENCE_S):
+            pass
+        with dask.config.set(dask.config.merge(dask.config.config, yaml.safe_load((config / "tls.yaml").read_text()))):
+            with cluster.connect(address, None, PATIENCE_S) as client:
+                dispatch(client, opened)
+            plain = address.replace("tls", "tcp")
+            with pytest.raises(ClusterError, match=f"--scheduler {plain}"), cluster.connect(plain, None, PATIENCE_S):
+                pass
+    assert list_cases(opened) == list(range(6))
+
+
 def test_a_scheduler_that_ends_is_noticed(opened, hand_started, capfd):
     """When a batch has come in, and before one; at once, although the scheduler had long to answer at first."""
     (_, address, *_), (process, *_) = hand_started
@@ -178,8 +292,6 @@ def test_what_goes_wrong_on_a_worker_is_no_loss_of_the_scheduler(opened, monkeyp
 
 
 def test_a_cluster_that_does_not_start_is_said():
-    import dask
-
     with (
         dask.config.set({"temporary-directory": "/dev/null/x"}),
         pytest.raises(ClusterError, match="a cluster on this machine: "),

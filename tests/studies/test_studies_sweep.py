@@ -6,10 +6,11 @@
 import json
 import os
 import random
+import re
 import signal
 import subprocess
 import sys
-import time
+from functools import cache
 from pathlib import Path
 
 import netCDF4
@@ -21,14 +22,17 @@ from support.processes import PATIENCE_S, end_with_children, read_command, wait_
 
 from ps_fmu.cli import main
 from ps_fmu.studies.case_runner import CaseRunner
-from ps_fmu.studies.rows import DONE, FILE, KILLED, MEASURED, RowStore
+from ps_fmu.studies.rows import DONE, FAILED, FILE, KILLED, MEASURED, RowStore
 
 from .conftest import OBSERVE, STUDY, list_missing
 
-KILLS = 10 if os.environ.get("PS_FMU_SOAK") else 1
+SOAK = bool(os.environ.get("PS_FMU_SOAK"))
+KILLS = 10 if SOAK else 1
 SLOW = '[[vary]]\nparameter = "slowness"\ndistribution = "uniform"\nlow = "1e-3"\nhigh = "2e-3"\n'
 MANY = {"cases = 6": "cases = 12", "[[observe]]": SLOW + "[[observe]]"}
 HELD = 20  # cases of a study that is disturbed
+LARGE, DISTURBANCES = (10_000, 9) if SOAK else (200, 3)
+"""Cases of a study whose workers and cases end, at about one in a minute under ``make soak``; how many do."""
 
 
 @pytest.fixture
@@ -80,7 +84,7 @@ def undisturbed():
         name = prepared.identity.plan_sha256
         if name not in known:
             runner = CaseRunner(prepared.bundle.unpack(folder))
-            rows = [runner.run(i, prepared.plan.values(i)) for i in range(len(prepared.plan))]
+            rows = [runner.run(i, {**prepared.plan.values(i), "toy.slowness": 0.0}) for i in range(len(prepared.plan))]
             known[name] = [{k: v for k, v in row.items() if k not in MEASURED} for row in rows]
         return known[name]
 
@@ -88,27 +92,40 @@ def undisturbed():
 
 
 @pytest.fixture
-def held(make_prepared, tmp_path_factory):
-    """A study whose last case waits while a file is there: the changes that make it, and the file.
+def hold(make_prepared, tmp_path_factory):
+    """Makes a study whose last case waits while a file is there: its text, and the file; ``more``: start values.
 
     So whatever disturbs the study comes before its end, however slow this machine is.
     """
     gate = tmp_path_factory.getbasetemp() / "gate"  # the same for all tests, so that their studies are the same
-    several = {**MANY, "cases = 6": f"cases = {HELD}"}
-    last = make_prepared(changes=several).plan.values(HELD - 1)["toy.gain"]
-    changes = {**several, "[[vary]]\nparameter = \"gain\"": (
-        f'[runs.active]\n"toy.gate" = {json.dumps(str(gate))}\n"toy.held" = {last!r}\n[[vary]]\nparameter = "gain"'
-    )}  # fmt: skip
-    gate.touch()
-    yield changes, gate
+
+    def make(cases=HELD, more="", slow=""):
+        text = STUDY.replace("cases = 6", f"cases = {cases}")
+        last = make_prepared(text + slow + OBSERVE).plan.values(cases - 1)["toy.gain"]
+        runs = f'[runs.active]\n"toy.gate" = {json.dumps(str(gate))}\n"toy.held" = {last!r}\n{more}\n'
+        gate.touch()
+        return text.replace("[[vary]]", f"{runs}[[vary]]", 1) + slow + OBSERVE, gate
+
+    yield make
     gate.unlink(missing_ok=True)
 
 
 def count_stored(folder):
     """Cases that have rows so far."""
-    if not (folder / "manifest.json").is_file():
-        return 0
-    return HELD - len(list_missing(open_store(folder), HELD))
+    return _count(folder, (folder / FILE).stat().st_mtime_ns) if (folder / FILE).is_file() else 0
+
+
+@cache
+def _count(folder, changed_ns):
+    return len(open_store(folder).read_statuses())
+
+
+def list_processes(command):
+    """Workers of a command on this machine, and the processes of their cases."""
+    children = psutil.Process(command.pid).children(recursive=True)
+    spawned = [one for one in children if any("spawn_main" in word for word in read_command(one))]
+    workers = [one for one in spawned if one.ppid() == command.pid]
+    return workers, [one for one in spawned if one not in workers]
 
 
 def test_workers_import_nothing_of_the_current_directory(write_study, toy_fmus, tmp_path, monkeypatch):
@@ -182,7 +199,7 @@ def test_workers_started_by_hand_give_identical_rows(
 
 
 def test_cases_that_kill_their_process_do_not_take_others_along(write_study, sweep, tmp_path):
-    modes = ["none", "exit", "none", "crash", "raise", "none", "none"]
+    modes = ["exit", "none", "crash", "raise", "none", "raise", "none"]
     text = STUDY.replace('plan = "random"\ncases = 6', 'plan = "list"')
     text = text[: text.index("[[vary]]")] + f'[[vary]]\nparameter = "mode"\nvalues = {json.dumps(modes)}\n' + OBSERVE
     code, printed, errors = sweep(write_study(text))
@@ -190,58 +207,90 @@ def test_cases_that_kill_their_process_do_not_take_others_along(write_study, swe
     rows = read(tmp_path / "out")
     expected = {"none": DONE, "exit": KILLED, "crash": KILLED, "raise": "failed"}
     assert [row["status"] for row in rows] == [expected[mode] for mode in modes]
-    assert "3 cases have no result" in printed
+    assert "4 cases have no result" in printed
+    assert re.search("  2 failed, as case 3: SlaveError: toy: .*the model broke.*\n", printed)
     assert "signal SIGSEGV" in printed
 
 
+def test_a_study_outlives_its_workers_and_cases(make_prepared, write_study, start, undisturbed, hold, tmp_path):
+    """Of which one in a hundred fails: the rows are those of a study that nobody disturbs."""
+    gains = sorted(make_prepared(changes={"cases = 6": f"cases = {LARGE}"}).plan.draws[:, 0].tolist())
+    failing = f'"toy.mode" = "raise"\n"toy.limit" = {gains[-LARGE // 100 - 1]!r}'
+    text, gate = hold(LARGE, failing, SLOW if SOAK else "")
+    prepared, folder, rng = make_prepared(text), tmp_path / "out", random.Random(1)
+    process = start(write_study(text), "--workers", "2")
+    for number in range(DISTURBANCES):
+        due = (number + 1) * LARGE // (DISTURBANCES + 2)
+        wait_until(lambda due=due: count_stored(folder) >= due or process.poll() is not None)
+        assert process.poll() is None, process.communicate()
+        wait_until(lambda: all(list_processes(process)))
+        workers, cases = list_processes(process)
+        if number % 3 == 1:
+            rng.choice(cases).kill()
+        elif number % 3 == 0 or not SOAK:
+            rng.choice(workers).kill()
+        else:
+            rng.choice(workers).suspend()
+    gate.unlink()
+    _, errors = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 0, errors
+    rows = read(folder)
+    assert [row["status"] for row in rows].count(FAILED) == LARGE // 100
+    assert rows == undisturbed(prepared, tmp_path)
+
+
+def test_a_study_that_is_wrong_ends_with_its_first_cases(write_study, sweep, tmp_path):
+    """Case 0, and four others; whoever goes on all the same gets the others."""
+    runs = {"[[vary]]": '[runs.active]\n"toy.mode" = "raise"\n[[vary]]', "cases = 6": "cases = 8"}
+    study = write_study(changes=runs)
+    code, printed, errors = sweep(study)
+    assert (code, printed) == (1, "")
+    assert "all 5 cases that were tried first have failed:\n  5 failed, as case 0: SlaveError: toy: " in errors
+    assert re.search("the model broke.*\nCorrect the study, and name another --output.  --resume runs the other 3", errors)
+    assert len(read(tmp_path / "out")) == 5
+    code, printed, errors = sweep(study, "--resume")
+    assert code == 0, errors
+    assert "8 failed, as case 0: " in printed
+
+
 @pytest.mark.parametrize("kill", range(KILLS))
-@pytest.mark.parametrize("victim", ["worker", "case", "client", "interrupt"])
-def test_a_disturbed_study_ends_with_the_rows_of_an_undisturbed_one(
-    write_study, make_prepared, start, sweep, undisturbed, held, tmp_path, victim, kill
+@pytest.mark.parametrize("victim", ["client", "interrupt"])
+def test_a_study_that_is_ended_is_resumed(
+    write_study, make_prepared, start, sweep, undisturbed, hold, tmp_path, victim, kill
 ):
     rng = random.Random(f"{victim} {kill}")
-    changes, gate = held
-    study, folder = write_study(changes=changes), tmp_path / "out"
+    text, gate = hold()
+    study, folder = write_study(text), tmp_path / "out"
     process = start(study)
     after = rng.randint(1, HELD * 3 // 4)
     wait_until(lambda: count_stored(folder) >= after or process.poll() is not None)
-    time.sleep(rng.random())
     assert process.poll() is None, process.communicate()
-    children = psutil.Process(process.pid).children(recursive=True)
-    spawned = [one for one in children if any("spawn_main" in word for word in read_command(one))]
-    workers = [one for one in spawned if one.ppid() == process.pid]
-    cases = [one for one in spawned if one.ppid() != process.pid]
-    if victim in ("case", "worker"):
-        rng.choice(cases if victim == "case" else workers).kill()
+    _, cases = list_processes(process)
+    if victim == "client":
+        process.kill()
     else:
-        if victim == "client":
-            process.kill()
-        else:
-            os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to the workers, too
-        process.wait(timeout=PATIENCE_S)
-        wait_until(lambda: not any(read_command(one) for one in cases))
-        assert HELD - 1 in list_missing(open_store(folder), HELD)  # it was in the middle
+        os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to the workers, too
+    process.wait(timeout=PATIENCE_S)
+    wait_until(lambda: not any(read_command(one) for one in cases))
+    assert HELD - 1 in list_missing(open_store(folder), HELD)  # it was in the middle
     gate.unlink()
     _, errors = process.communicate(timeout=PATIENCE_S)
     if victim == "interrupt":
         assert process.returncode == 130, errors
         assert "--resume" in errors
         assert "Traceback" not in errors
-    if victim in ("client", "interrupt"):
-        code, _, errors = sweep(study, "--resume")
-        assert code == 0, errors
-    else:
-        assert process.returncode == 0, errors
-    assert read(folder) == undisturbed(make_prepared(changes=changes), tmp_path)
+    code, _, errors = sweep(study, "--resume")
+    assert code == 0, errors
+    assert read(folder) == undisturbed(make_prepared(text), tmp_path)
 
 
 @pytest.mark.parametrize("kill", range(KILLS))
 def test_a_study_that_loses_its_scheduler_is_resumed_elsewhere(
-    write_study, make_prepared, start, sweep, undisturbed, hand_started, held, tmp_path, kill
+    write_study, make_prepared, start, sweep, undisturbed, hand_started, hold, tmp_path, kill
 ):
     scheduler, processes = hand_started
-    changes, gate = held
-    study, folder = write_study(changes=changes), tmp_path / "out"
+    text, gate = hold()
+    study, folder = write_study(text), tmp_path / "out"
     process = start(study, *scheduler)
     wait_until(lambda: count_stored(folder) > kill or process.poll() is not None)
     assert process.poll() is None, process.communicate()
@@ -253,7 +302,7 @@ def test_a_study_that_loses_its_scheduler_is_resumed_elsewhere(
     assert "Traceback" not in errors
     code, _, errors = sweep(study, "--resume")
     assert code == 0, errors
-    assert read(folder) == undisturbed(make_prepared(changes=changes), tmp_path)
+    assert read(folder) == undisturbed(make_prepared(text), tmp_path)
 
 
 def test_another_plan_or_another_fmu_is_not_resumed(write_study, toy_fmus, start, sweep, tmp_path):

@@ -24,9 +24,9 @@ from ps_fmu.slavekit.author.elements import (
     Sample,
     Sine,
     Watch,
+    compile_elements,
     ring_size,
 )
-from ps_fmu.slavekit.author.program import compile_elements
 from ps_fmu.slavekit.author.slave import Port
 
 H = 0.01  # s

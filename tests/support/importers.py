@@ -49,7 +49,7 @@ _ALL = (
     Importer("CoFMUPy", "cofmupy", "each FMU alone, all four wired", "make importers", ROOT / ".venv-importers"),
 )
 IMPORTERS = {importer.name: importer for importer in _ALL}
-PINOCCHIO = Importer("Pinocchio", "pin", "the multibody prototype that the plant is compared with", "make verify")
+PINOCCHIO = Importer("Pinocchio", "pin", "the multibody prototype that the plant is compared with", "make multibody")
 """Not an importer, but it may be missing likewise."""
 BASILISK = Importer(
     "Basilisk", "bsk", "the manipulator on a simulated spacecraft", "make basilisk", ROOT / ".venv-basilisk"

@@ -1,6 +1,7 @@
 """Processes that tests have started, and those that these have started: any of them may end at any moment."""
 
 import json
+import os
 import subprocess
 import sys
 import time
@@ -29,10 +30,13 @@ def read_command(process):
     return []
 
 
-def start_dask(what, *arguments):
-    """A ``scheduler`` or a ``worker`` of dask, as by hand."""
-    command = [sys.executable, "-I", "-m", f"distributed.cli.dask_{what}", "--no-dashboard", *arguments]
-    return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+def start_dask(what, *arguments, beginning="", environment=None):
+    """A ``scheduler`` or a ``worker`` of dask, as by hand; ``beginning``: what its Python does first."""
+    program = f"{beginning}\nfrom distributed.cli.dask_{what} import main; main()"
+    command = [sys.executable, "-I", "-c", program, "--no-dashboard", *arguments]
+    return subprocess.Popen(
+        command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env={**os.environ, **(environment or {})}
+    )
 
 
 def wait_for_scheduler(file):

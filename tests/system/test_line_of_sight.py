@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.claims import verify_claim
 from support.mechanics import PAPER
 
 from ps_fmu.control.isolator import Isolator
@@ -88,7 +89,15 @@ def test_the_closed_loop_is_one_discrete_system(built_fmus):
     found = samples.values(*names)
     expected = simulate_as_one(steps, turn, sampled_every=10, latency_steps=10, highpass_hz=0.02)
     assert np.abs(found[-1] - turn).max() < 0.3 * np.abs(turn).max()  # on its way to the target
-    np.testing.assert_allclose(found, expected, atol=1e-6 * np.abs(turn).max(), rtol=0.0)
+    verify_claim(
+        "model.line_of_sight_loop",
+        claim="What plant, isolator, tracker and line-of-sight controller compute together",
+        where="`ps-fmu run pointing`: all signals",
+        reference="the closed loop as one discrete system, in one process, without FMUs",
+        error=np.abs(found - expected) / np.abs(turn).max(),
+        bound=1e-6,
+        unit="of the turn",
+    )
 
 
 @pytest.fixture

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.claims import verify_claim
 from support.mechanics import PAPER
 
 from ps_fmu.control.pointing import PointingLaw
@@ -53,7 +54,15 @@ def test_what_is_left_of_a_turn_of_the_bus_is_what_the_split_says():
     R = LOOP.loop.model.dynamics.pose.rotation_BP
     expected = split(LOOP, s).left[:, None, None] * R.T
     deviation = np.linalg.norm(turned - expected, axis=(1, 2)) / np.linalg.norm(expected, axis=(1, 2))
-    assert deviation.max() < 0.05  # the feedforward ends below the suspension; (0.3 / 5)^2 is 0.004
+    # The feedforward ends below the suspension; (0.3 / 5)^2 is 0.004.
+    verify_claim(
+        "sensor.split",
+        claim="Shares of the bus's rotation: cancelled by the isolator, by the loop, left to the payload",
+        where="report of `ps-fmu run pointing`: chart of the split",
+        reference="whole plant with isolator and loop, below 0.3 Hz",
+        error=deviation,
+        bound=0.05,
+    )
 
 
 def test_a_cut_loop_and_the_closed_others_make_the_whole():
@@ -92,7 +101,15 @@ def test_without_the_isolator_the_loop_keeps_margins_too():
 def test_noise_of_the_tracker_is_what_the_target_makes():
     """At low frequencies the payload follows: density 2 T sigma^2."""
     density = LOOP.noise_density(np.array([2j * np.pi * 1e-3]), np.array([1e-6, 2e-6, 0.0]))[0]
-    np.testing.assert_allclose(np.diag(density), 0.02 * np.array([1e-12, 4e-12, 0.0]), rtol=1e-3, atol=1e-20)
+    assert density[2, 2].real == pytest.approx(0.0, abs=1e-20)
+    verify_claim(
+        "sensor.tracker_noise",
+        claim="Pointing error that the tracker's noise makes",
+        where="`ps-fmu analyse budget`: source tracker",
+        reference="density 2 T sigma^2 of a sampled white noise, which the payload follows at low frequencies",
+        error=np.abs(np.diag(density)[:2].real / [0.02e-12, 0.08e-12] - 1.0),
+        bound=1e-3,
+    )
 
 
 def test_the_paper_set_is_the_default():

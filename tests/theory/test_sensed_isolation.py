@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.claims import verify_claim
 
 from ps_fmu.control.pointing import PointingLaw
 from ps_fmu.mechanism.parameters import load
@@ -50,9 +51,17 @@ def test_with_ideal_sensors_it_is_the_known_jitter(isolation):
 def test_a_constant_error_ends_as_the_rotation_that_the_isolator_believes_in(isolation):
     """The payload turns back by what the high-passed double integral of the error is: bias over corner squared."""
     bias = np.array([0.0, 0.0, 0.0, 1e-6, -2e-6, 3e-6])  # rad/s2
-    for corner in (1e-4, 0.01, 0.05):  # Hz; from 0.5 Hz on the force K_a times the error adds 3 %
-        offset = isolation.solve(default_sensors(), corner).offset(bias)
-        assert offset == pytest.approx(-bias[3:] / (2.0 * np.pi * corner) ** 2, rel=4e-3)
+    corners = (1e-4, 0.01, 0.05)  # Hz; from 0.5 Hz on the force K_a times the error adds 3 %
+    offsets = [isolation.solve(default_sensors(), corner).offset(bias) for corner in corners]
+    truths = [-bias[3:] / (2.0 * np.pi * corner) ** 2 for corner in corners]
+    verify_claim(
+        "sensor.offset",
+        claim="A constant bias ends as a constant offset, of bias over corner squared",
+        where="`ps-fmu analyse sensors`: terminal, report",
+        reference="high-passed double integral of a constant, by hand",
+        error=np.abs(np.array(offsets) / truths - 1.0),
+        bound=4e-3,
+    )
     one = replace_values(default_sensors(), {"accelerometer_4.bias": 1e-5})
     assert estimated_bias(one) == pytest.approx(1e-5 * default_sensors().estimator[:6, 3])
 

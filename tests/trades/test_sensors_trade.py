@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.claims import verify_claim
 
 from ps_fmu.analyses.table import AnalysisOptions
 from ps_fmu.trades.sensors import report as sensors
@@ -30,15 +31,34 @@ def test_the_fmus_are_within_the_scatter_of_the_closed_form(found):
     assert len(runs) == 2
     for run in runs:
         assert 0.0 < run["relative_standard_deviation"] < 0.3
-        allowed = (0.02 + 3.0 * run["relative_standard_deviation"]) * run["expected_rad"]
-        assert run["measured_rad"] == pytest.approx(run["expected_rad"], abs=allowed)
+    off = [
+        abs(run["measured_rad"] / run["expected_rad"] - 1.0) / (0.02 + 3.0 * run["relative_standard_deviation"])
+        for run in runs
+    ]
+    verify_claim(
+        "sensor.jitter",
+        claim="Residual jitter behind real accelerometers, in closed form",
+        where="`ps-fmu analyse sensors`: terminal, report, sensors.json",
+        reference="runs of the FMUs: 2 % for sampling, and three standard deviations of the record",
+        error=off,
+        bound=1.0,
+        unit="of what is allowed",
+    )
 
 
 def test_a_bias_goes_where_the_closed_form_says(found):
     """At 10 s, but for 1 % of the last value: ringing of the suspension, and the force that the bias makes at once."""
     bias = {name: np.array(values) for name, values in found[1]["bias"].items()}
     assert abs(bias["expected_rad"][-1]) == pytest.approx(3.36e-5, rel=0.01)
-    assert bias["measured_rad"] == pytest.approx(bias["expected_rad"], abs=3.4e-7)
+    verify_claim(
+        "sensor.bias",
+        claim="Rotation that the bias of an accelerometer leads to",
+        where="`ps-fmu analyse sensors`: terminal, report, sensors.json",
+        reference="run of the FMUs over 20 s",
+        error=np.abs(bias["measured_rad"] - bias["expected_rad"]),
+        bound=3.4e-7,
+        unit="rad",
+    )
 
 
 def test_the_answers(found):

@@ -10,11 +10,11 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TypeVar
 
+from ..files.plain import write_atomically
 from ..results.report import Picture, Report, Section
 from ..results.style import draw
 from ..results.summary import plain, versions
 from ..results.tables import Table
-from ..slavekit.pack.files import write_atomically
 
 RELATIONS = ("=", ">", "<", "~")
 T = TypeVar("T")

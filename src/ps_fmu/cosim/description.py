@@ -12,12 +12,13 @@ from pathlib import Path
 from fmpy import read_model_description
 from fmpy.model_description import ModelDescription, ModelVariable
 
+from ..files.archive import check_archive, read_member
+from ..files.plain import compute_file_digest
+from ..files.xmlfile import MAXIMUM_BYTES, Element, parse_xml
 from ..terminal import escape_controls
-from .archive import check_archive, compute_digest, read_member
 from .errors import SystemFileError, UsageError
 from .structure import PortName, System, Value, suggest_names
 from .values import EXPECTED, fits_int32, parse_real, parse_value
-from .xmlfile import MAXIMUM_BYTES, Element, parse_xml
 
 log = logging.getLogger("ps_fmu.cosim")
 
@@ -34,7 +35,7 @@ def read_description(path: Path, lenient: bool = False) -> ModelDescription:
     FMI version, no co-simulation, a variable name that occurs twice.  It is for reading only: as long as the file has
     the same content, it is the same object.
     """
-    return _read_description(path, compute_digest(path), lenient)
+    return _read_description(path, compute_file_digest(path), lenient)
 
 
 @lru_cache(maxsize=64)  # 13 ms for each of ours

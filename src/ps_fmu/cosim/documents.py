@@ -17,9 +17,9 @@ from typing import Any, TypeVar
 import msgspec
 from msgspec import inspect
 
+from ..files.plain import read_bytes
 from .errors import SystemFileError
 from .structure import suggest_names
-from .xmlfile import read_bytes
 
 MAXIMUM_BYTES = 4 * 2**20
 DEEPEST, MOST_VALUES = 16, 200_000

@@ -9,28 +9,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from ..files.plain import CosimError, SystemFileError
+
 STATUS_NAMES = ("fmi2OK", "fmi2Warning", "fmi2Discard", "fmi2Error", "fmi2Fatal", "fmi2Pending")
-
-
-class CosimError(Exception):
-    """Base of all errors of the co-simulation."""
 
 
 class UsageError(CosimError, ValueError):
     """An argument that cannot be honoured: a step size, a duration, a name, a value."""
-
-
-class SystemFileError(CosimError, ValueError):
-    """A file that cannot be used: SSD, SSV, SSP or FMU.
-
-    Attributes: ``path`` of the file, ``text`` that says what is wrong, ``line`` in it (None where there is none).
-    """
-
-    def __init__(self, path: Path, text: str, line: int | None = None) -> None:
-        super().__init__(f"{path}{'' if line is None else f', line {line}'}: {text}")
-        self.path = path
-        self.text = text
-        self.line = line
 
 
 class MissingFmuError(SystemFileError):

@@ -12,9 +12,9 @@ from fmpy import sharedLibraryExtension
 from fmpy.fmi2 import FMU2Slave
 from fmpy.model_description import ModelDescription
 
+from ..files.archive import check_archive
 from ..native import find_platform
 from . import guard
-from .archive import check_archive
 from .errors import SystemFileError
 from .structure import Component
 

@@ -18,13 +18,13 @@ import numpy as np
 from fmpy.model_description import ModelDescription
 from numpy.typing import NDArray
 
+from ..files.plain import read_bytes
 from .conversion import INTEGERS, combine, find_end
 from .description import find_variable
 from .errors import SystemFileError, UsageError
 from .rows import Array, Column, Derived
 from .structure import PortName, System, SystemInput, suggest_names
 from .values import Conversion, End, Value, fits_int32, list_items, parse_value
-from .xmlfile import read_bytes
 
 AT_ONCE = 1e-6
 """A row so many steps after a communication point counts as there: decimal fractions are not exact."""

@@ -25,7 +25,8 @@ from pathlib import Path
 
 from fmpy import platform
 
-from .archive import compute_digest, extract
+from ..files.archive import extract
+from ..files.plain import compute_file_digest
 from .errors import SystemFileError
 
 LOCK = ".in-use"
@@ -147,14 +148,14 @@ def provide_unpacked(archive: Path, shared: bool = True) -> Path:
 
     Parameters
     ----------
-    archive: checked and unpacked by :func:`.archive.extract`, but for what only other systems and readers need.
+    archive: checked and unpacked by :func:`..files.archive.extract`, but for what only other systems and readers need.
     shared: False for a folder that nobody else gets.
 
-    Give the folder back by :func:`release_unpacked`.  Raises :class:`SystemFileError` as :func:`.archive.extract`, and
+    Give the folder back by :func:`release_unpacked`.  Raises :class:`SystemFileError` as ``extract``, and
     if the file changes meanwhile.
     """
     with _lock:
-        digest = compute_digest(archive)
+        digest = compute_file_digest(archive)
         store = _open_store(archive)
         folder = store.folders.get(digest) if shared else None
         if folder is None or not _is_whole(folder, store.sizes[folder]):
@@ -216,7 +217,7 @@ def _forget(store: _Store, folder: Path) -> None:
 def _unpack(archive: Path, digest: str, folder: Path) -> Path:
     try:
         extract(archive, folder, _is_for_running)
-        if compute_digest(archive) != digest:
+        if compute_file_digest(archive) != digest:
             raise SystemFileError(archive, "was changed while it was unpacked: start again")
     except BaseException:
         shutil.rmtree(folder, ignore_errors=True)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from ..cosim.xmlfile import Element, parse_xml
+from ..files.xmlfile import Element, parse_xml
 
 Faults = Iterator[tuple[int, str]]
 """Lines of the file, each with what is wrong there."""

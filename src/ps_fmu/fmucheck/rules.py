@@ -14,7 +14,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import islice
 
-from . import model_rules, structure_rules, unit_rules, variable_rules
+from . import model_rules, structure_rules, variable_rules
 from .reading import Description, Faults
 from .verdicts import FAILED, WARNING, clean_line
 
@@ -53,11 +53,11 @@ DESCRIPTION_RULES = (
     DescriptionRule("identifier", "2.1.1", model_rules.check_identifier),
     DescriptionRule("capabilities", "4.3.1", model_rules.check_capabilities),
     DescriptionRule("source-files", "2.3", model_rules.check_source_files),
-    DescriptionRule("units", "2.2.2", unit_rules.check_names),
-    DescriptionRule("conversions", "2.2.2", unit_rules.check_conversions),
-    DescriptionRule("base-units", "2.2.2", unit_rules.check_base_units),
-    DescriptionRule("display-units", "2.2.2", unit_rules.check_display_names),
-    DescriptionRule("display-conversions", "2.2.2", unit_rules.check_display_units),
+    DescriptionRule("units", "2.2.2", model_rules.check_unit_names),
+    DescriptionRule("conversions", "2.2.2", model_rules.check_unit_conversions),
+    DescriptionRule("base-units", "2.2.2", model_rules.check_base_units),
+    DescriptionRule("display-units", "2.2.2", model_rules.check_display_names),
+    DescriptionRule("display-conversions", "2.2.2", model_rules.check_display_units),
     DescriptionRule("types", "2.2.3", model_rules.check_types),
     DescriptionRule("type-units", "2.2.3", model_rules.check_type_units),
     DescriptionRule("type-bounds", "2.2.3", model_rules.check_type_bounds),

@@ -17,12 +17,12 @@ from pathlib import Path
 from ..cosim import read_system
 from ..cosim.description import get_unit, read_descriptions, read_start
 from ..cosim.ssp.writing import start_values_xml
+from ..files.plain import write_atomically
 from ..mechanism.instrument import Instrument, read_instrument
 from ..product.files import find_product
 from ..slavekit.author.slave import Slave
 from ..slavekit.pack.build import find_folders
 from ..slavekit.pack.errors import BuildError
-from ..slavekit.pack.files import write_atomically
 from .start_values import Physics, list_settable, make_start_values
 
 

@@ -34,8 +34,7 @@ from .centre import Centre
 from .convection import convective_forces
 from .discretisation import find_scale, make_held_step_map, zero_order_hold
 from .dynamics import Dynamics, FlexibleSystem, Pose
-from .forward_kinematics import forward_kinematics
-from .kinematics import Jacobians, KinematicsError, jacobians
+from .kinematics import Jacobians, KinematicsError, forward_kinematics, jacobians
 from .matrices import Nominal, Orientation, make_output_matrices, make_rate_matrices, turn_base
 from .parameters import Bus, CoarseServo, Manipulator, Optics, Parameters, Payload
 from .quantities import Array, ParameterError, group

@@ -15,9 +15,8 @@ import numpy as np
 
 from .convection import COARSE, FINE, N_SPEEDS, TURN
 from .dynamics import FlexibleSystem, Pose
-from .forward_kinematics import forward_kinematics
 from .inverse_kinematics import inverse_kinematics
-from .kinematics import Jacobians, jacobians
+from .kinematics import Jacobians, forward_kinematics, jacobians
 from .linear_model import Place, PlantModel
 from .quantities import Array
 from .rotations import (

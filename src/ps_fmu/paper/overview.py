@@ -17,7 +17,7 @@ from ..runs.built_fmus import provide_fmus
 from ..theory.loop import loop_at
 from . import errata
 from .errata import Erratum, errata_table
-from .figures.table2.closed_form import ORIENTATIONS, knowledge_text
+from .figures.table2.runs import ORIENTATIONS, knowledge_text
 from .published import ANGLES, make_finding, published_numbers
 from .workspace import STEP
 

@@ -13,9 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..mechanism.forward_kinematics import ForwardPose, forward_kinematics
 from ..mechanism.inverse_kinematics import inverse_kinematics, reachable
-from ..mechanism.kinematics import Geometry, condition_number, platform_jacobian
+from ..mechanism.kinematics import ForwardPose, Geometry, condition_number, forward_kinematics, platform_jacobian
 from ..mechanism.quantities import Array
 from ..mechanism.rotations import roll_pitch_yaw, rotation_from_vector
 

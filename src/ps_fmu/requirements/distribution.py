@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from ..pointing.confidence import effective_share, find_rank, least_samples
 from ..reduction.moments import LogarithmicBins, Totals
-from ..results.observers.kept import State, check_array
+from ..results.observers.observer import State, check_array
 
 Array = NDArray[np.float64]
 

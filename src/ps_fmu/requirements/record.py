@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cosim import Column
-from ..results.observers.kept import State, check_array
+from ..results.observers.observer import State, check_array
 from .distribution import Distribution
 from .requirement import Requirement, Target, find_targets
 

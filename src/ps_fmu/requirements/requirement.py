@@ -220,9 +220,9 @@ def find_targets(requirement: Requirement, columns: Sequence[Column]) -> tuple[T
     places = {column.name: place for place, column in enumerate(columns)}
     found: dict[str, int] = {}
     for signal in requirement.signals:
-        members = _find_members(signal, places)
+        members = find_members(signal, places)
         if not members:
-            hint = suggest_names(signal, _list_names(places))
+            hint = suggest_names(signal, list_names(places))
             raise requirement.error("signal", f"there is no output {signal!r}{hint}")
         found |= members
     limits = {}
@@ -243,7 +243,7 @@ def find_targets(requirement: Requirement, columns: Sequence[Column]) -> tuple[T
     return (Target(label, tuple(found.values()), next(iter(limits.values()))),)
 
 
-def _find_members(signal: str, places: dict[str, int]) -> dict[str, int]:
+def find_members(signal: str, places: dict[str, int]) -> dict[str, int]:
     """The column of this name, or those of the vector: ``.x``, ``.roll`` or ``_1`` behind its name."""
     if signal in places:
         return {signal: places[signal]}
@@ -253,6 +253,7 @@ def _find_members(signal: str, places: dict[str, int]) -> dict[str, int]:
     return {name: place for name, place in places.items() if member.fullmatch(name)}
 
 
-def _list_names(places: dict[str, int]) -> list[str]:
+def list_names(places: dict[str, int]) -> list[str]:
+    """All names that :func:`find_members` finds something for, as suggestions."""
     vectors = {name[: match.start()] for name in places if (match := re.search(r"(?:\.\w+|_\d+)$", name))}
     return [*places, *sorted(name for name in vectors if "." in name)]

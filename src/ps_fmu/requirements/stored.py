@@ -10,8 +10,8 @@ import numpy as np
 
 from ..cosim import Column
 from ..cosim.clock import count_steps
-from ..cosim.recording.columns_on_disk import iterate_blocks, read_chunk_rows
 from ..cosim.recording.decimate import PASS_BAND
+from ..cosim.recording.delivery import iterate_blocks, read_chunk_rows
 from ..cosim.recording.recorder import UDUNITS
 from ..pointing.windows import find_step
 from ..reduction.columns import NETCDF_LOCK

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from markupsafe import Markup
 
-from ..slavekit.pack.files import write_atomically
+from ..files.plain import write_atomically
 from .page.content import Exploration, VerdictRow
 from .page.writer import render_page
 from .summary import FmuFile

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..slavekit.pack.files import write_atomically
+from ..files.plain import write_atomically
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

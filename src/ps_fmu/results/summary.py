@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from .. import __version__
-from ..slavekit.pack.files import write_atomically
+from ..files.plain import write_atomically
 
 _PACKAGES = ("fmpy", "pythonfmu", "numpy", "scipy", "control", "netCDF4", "matplotlib")
 

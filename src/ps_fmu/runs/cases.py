@@ -291,7 +291,7 @@ def show_progress(name: str, duration_s: float, shown: bool) -> Iterator[Progres
 
         def advance(simulated: float, passed: float, factor: float) -> None:
             bar.set_postfix_str(f"{factor:.1f} x real time", refresh=False)
-            bar.update(simulated - bar.n)
+            bar.update(min(simulated, duration_s) - bar.n)  # times are rounded, and a bar ends at its end
 
         yield advance
 

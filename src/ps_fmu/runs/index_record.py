@@ -21,8 +21,7 @@ from ..pointing.confidence import Statement
 from ..pointing.indices import AbsoluteError, DriftError, MeanError, PointingIndex, RelativeError
 from ..requirements.decision import quantile_of_record
 from ..requirements.distribution import Distribution
-from ..results.observers.kept import State, check_array
-from ..results.observers.observer import ColumnObserver, NamedColumn
+from ..results.observers.observer import ColumnObserver, NamedColumn, State, check_array
 
 Array = NDArray[np.float64]
 

@@ -25,7 +25,7 @@ from ..cosim.checkpoint.checkpoints import Checkpoints
 from ..cosim.checkpoint.files import CheckpointFolder
 from ..cosim.checkpoint.state import CheckpointError
 from ..cosim.checkpoint.warm_start import WarmStart
-from ..slavekit.pack.files import write_atomically
+from ..files.plain import write_atomically
 from .options import CHECKPOINTS, REPORT, RESULTS, OptionError, RunOptions, from_json, list_files, name_option, to_json
 from .scenario import find_scenario
 

@@ -30,6 +30,8 @@ RESULTS, SUMMARY, REPORT = "results.nc", "summary.json", "report.html"  # in the
 PLOT = "plot.png"  # of a run of any system
 CHECKPOINTS = "checkpoint"  # folder in the output folder
 PARAMETERS = "parameters.ssv"  # values that ps_fmu.simulate was given
+WRITTEN = "Made by ps_fmu.simulate."
+"""By this comment in it such a file is told from one of the user's."""
 CONVERTED = "disturbance.csv"  # a recorded disturbance from netCDF
 INPUTS = (PARAMETERS, CONVERTED)
 """What a run reads and may write itself into the output folder."""

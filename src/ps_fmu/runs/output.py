@@ -14,7 +14,7 @@ from ..cosim.checkpoint.state import DamagedCheckpointError
 from ..results.datasets import open_results
 from ..results.style import mark_picture
 from .keeping import RUN, can_go_on
-from .options import CHECKPOINTS, INPUTS, PLOT, REPORT, RESULTS, SUMMARY, OptionError
+from .options import CHECKPOINTS, INPUTS, PARAMETERS, PLOT, REPORT, RESULTS, SUMMARY, WRITTEN, OptionError, RunOptions
 
 MARK = b"ps_fmu"
 """What each file of results says of its origin."""
@@ -70,6 +70,17 @@ def hold_folder(folder: Path, resume: bool = False) -> Iterator[None]:
     finally:
         if lock is not None:
             os.close(lock)
+
+
+def remove_old_values(options: RunOptions) -> None:
+    """Remove the parameter file that an earlier ``ps_fmu.simulate`` has left in the output folder, if no run reads it.
+
+    In the body of :func:`hold_folder`, which puts it back if nothing is stored.
+    """
+    path = options.output / PARAMETERS
+    is_read = path.resolve() in [given.resolve() for given in options.parameters]
+    if not is_read and path.is_file() and WRITTEN.encode() in path.read_bytes():
+        path.unlink()
 
 
 def _has_rows(path: Path) -> bool:

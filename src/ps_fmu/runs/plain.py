@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cosim import Column
-from ..cosim.recording.columns_on_disk import read_rows
+from ..cosim.recording.delivery import read_rows
 from ..results.datasets import open_results
-from ..results.quick_plot import Line, draw_quick_plot
+from ..results.figures import Line, draw_quick_plot
 from ..results.report import Picture
 from .cases import Case, Outcome, run_case
 from .options import PLOT, RESULTS, SOURCE

@@ -11,6 +11,7 @@ from ..results.style import prepare_drawing
 from .built_fmus import find_built_folder, provide_fmus
 from .keeping import keep_run
 from .options import OptionError, RunOptions
+from .output import remove_old_values
 from .publish import Done, Findings, publish
 from .runner import Runner
 from .setup import RunSystem, load_system, read_files, settle_times
@@ -106,6 +107,7 @@ def execute(options: RunOptions, show: Callable[[str], None] = print) -> Done:
     """
     if options.figures:
         prepare_drawing()
+    remove_old_values(options)
     with keep_run(options):
         run = Run(options)
         findings = find(run)

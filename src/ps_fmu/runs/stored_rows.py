@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cosim import Column, Recorder
-from ..cosim.recording.columns_on_disk import iterate_blocks, read_chunk_rows, read_rows, write_rows
+from ..cosim.recording.delivery import iterate_blocks, read_chunk_rows, read_rows, write_rows
 from ..cosim.recording.recorder import STORAGE, TIME_UNITS, UDUNITS
 from ..cosim.recording.thinner import MemoryRecorder, Thinner
 from ..reduction.columns import NETCDF_LOCK

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cosim import Column
-from ..cosim.recording.columns_on_disk import read_rows
+from ..cosim.recording.delivery import read_rows
 from ..mechanism.inverse_kinematics import trilaterate
 from ..mechanism.kinematics import Geometry
 from ..mechanism.rotations import rotation_matrix

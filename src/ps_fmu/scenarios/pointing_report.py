@@ -77,8 +77,8 @@ def describe(pointing: Pointing) -> list[str]:
     late = off.span(*_after(off))
     left = float(np.sqrt(np.mean(off.distance[late] ** 2)))
     said.append(
-        f"Without the loop the line of sight is then {left:.3g} rad ({np.degrees(left):.2g} deg) off: the slew has "
-        "turned the bus the other way, and below the split nothing tells the isolator."
+        f"Without the loop the line of sight is then {left:.3g} rad RMS ({np.degrees(left):.2g} deg) off: of what is "
+        "slower than the split, such as the turn of the bus by the slew, nothing tells the isolator."
     )
     if not on.locks:
         return [*said, "The tracker did not lock: the error stayed outside its acquisition field."]

@@ -249,7 +249,7 @@ def tabulate_requirements(found: list[OrientationRequirement]) -> Table:
 
 @dataclass(frozen=True, eq=False)
 class Reaction:
-    """Rotation of the bus, and relative orientation less target, in closed form and in the run.
+    """Rotation of the bus in closed form and in the run; what follows of it for the relative orientation.
 
     Arrays (3,), rad: roll, pitch and yaw that the small rotations make at the target.
     """
@@ -313,7 +313,7 @@ def tabulate_reactions(found: list[Reaction]) -> Table:
         for what, values in (
             ("rotation of the bus, closed form", one.bus),
             ("rotation of the bus, run", one.bus_in_run),
-            ("relative orientation less target, closed form", one.relative),
+            ("relative orientation less target, by bus in closed form and payload in the run", one.relative),
             ("relative orientation less target, run", one.relative_in_run),
         ):
             if one.isolator == "on" or what.startswith("rotation"):

@@ -12,6 +12,7 @@ import shutil
 import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from functools import cache
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -23,12 +24,12 @@ from ..cosim.checkpoint.warm_start import WarmStart
 from ..cosim.documents import read_document
 from ..cosim.isolation.instance import Isolation
 from ..cosim.schemes.scheme import Scheme
+from ..files.archive import compute_digest
 from ..requirements.quantity import make_value
 from ..results.summary import versions
 from ..runs.setup import RunSystem, identify_fmus
-from ..slavekit.pack.files import compute_digest
 from .plan import Plan
-from .rows import write_durably
+from .rows import VersionError, write_durably
 from .study import Observed, StudyError
 
 RESULT_PACKAGES = ("python", "ps_fmu", "numpy", "scipy", "fmpy", "pythonfmu")
@@ -79,11 +80,36 @@ def _make_value(kind: type, given: Any) -> Any:
     return kind(given) if issubclass(kind, float) else make_value(kind, given)
 
 
+@cache
+def worker_versions() -> dict[str, str]:
+    """:func:`result_versions`, that of ps_fmu with the content of its modules: two checkouts may have one version."""
+    root = Path(__file__).parents[1]
+    copied = root / "product"  # in an installation: sources of FMUs, which travel with the study
+    names = [path for kind in ("*.py", "*.so") for path in root.rglob(kind) if copied not in path.parents]
+    content = _digest({path.relative_to(root).as_posix(): path.read_bytes() for path in names})
+    found = result_versions()
+    return {**found, "ps_fmu": f"{found['ps_fmu']} (modules {content[:12]})"}
+
+
 def result_versions() -> dict[str, str]:
     """Versions of Python and of the packages that a row depends on; of Python without its patch level."""
-    found = {name: version for name, version in versions().items() if name in RESULT_PACKAGES}
-    found["python"] = ".".join(found["python"].split(".")[:2])
-    return found
+    return clean_versions(versions())
+
+
+def clean_versions(found: Mapping[str, str | None]) -> dict[str, str]:
+    """As of :func:`result_versions`, from the versions of more packages; None: not installed."""
+    chosen = {name: found[name] or "not installed" for name in RESULT_PACKAGES}
+    return {**chosen, "python": ".".join(chosen["python"].split(".")[:2])}
+
+
+def check_versions(expected: Mapping[str, str], own: Mapping[str, str], worker: str = "this worker") -> None:
+    """Raises :class:`.rows.VersionError` where packages of a worker, by name, are others than ``expected``."""
+    others = [f"{name} {own[name]} instead of {version}" for name, version in expected.items() if own[name] != version]
+    if others:
+        raise VersionError(
+            f"{worker} has {', '.join(others)}: rows would not be those of one study; install there what this command "
+            "has, or end that worker"
+        )
 
 
 @dataclass(frozen=True)

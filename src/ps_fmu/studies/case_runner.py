@@ -17,7 +17,7 @@ from ..cosim.faults.binding import bind_faults
 from ..cosim.faults.numbers import change_numbers
 from ..cosim.faults.reading import read_faults
 from ..cosim.signals import read_signals
-from ..cosim.system_json import decode_system
+from ..cosim.structure import decode_system
 from ..pointing.interpretation import Interpretation
 from ..requirements.decision import pack_distribution
 from ..requirements.requirement import read_requirements
@@ -28,10 +28,10 @@ from ..runs.logs import WarningLog
 from ..runs.runner import Runner
 from ..runs.stored_rows import make_stored_names, rename_columns
 from ..terminal import reason
-from .bundle import FAULTS, INPUTS, REQUIREMENTS, SYSTEM, TASK, Task, result_versions
+from .bundle import FAULTS, INPUTS, REQUIREMENTS, SYSTEM, TASK, Task, check_versions, worker_versions
 from .factors import split_values
 from .observed import CaseRecord, find_signals
-from .rows import ANSWER, DONE, FAILED, HISTOGRAM, LONGEST_TEXT, VERDICT, Row, VersionError
+from .rows import ANSWER, DONE, FAILED, HISTOGRAM, LONGEST_TEXT, VERDICT, Row
 
 FATAL_STATUS = 4  # fmi2Fatal
 
@@ -45,7 +45,7 @@ class CaseRunner:
 
     def __init__(self, folder: Path) -> None:
         self.task = task = Task.from_json((folder / TASK).read_bytes())
-        check_versions(task.versions)
+        check_versions(task.versions, worker_versions())
         files = {name: WarmStart(folder / name, task.anew) for name in dict.fromkeys(task.sources.values())}
         self._sources = {run: files[name] for run, name in task.sources.items()}
         """Read once: no case changes them."""
@@ -194,11 +194,3 @@ def describe_verdicts(judge: RunJudge) -> Row:
         if requirement.interpretation is Interpretation.MIXED:
             row[f"{VERDICT}{requirement.name}/{run}/{label}{HISTOGRAM}"] = pack_distribution(found)
     return row
-
-
-def check_versions(expected: Mapping[str, str]) -> None:
-    """Raises :class:`.rows.VersionError` where packages are others than ``expected``, by name."""
-    own = result_versions()
-    others = [f"{name} {own[name]} instead of {version}" for name, version in expected.items() if own[name] != version]
-    if others:
-        raise VersionError(f"this worker has {', '.join(others)}: rows would not be those of one study")

@@ -5,9 +5,10 @@ from __future__ import annotations
 import asyncio
 import concurrent.futures
 import os
+import sys
 import time
 from collections import deque
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Coroutine, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from importlib.util import find_spec
 from logging import CRITICAL
@@ -16,7 +17,7 @@ from typing import Any
 
 from ..child_processes import ONE_THREAD
 from ..terminal import block_interrupts, hold_interrupts, reason
-from .bundle import Bundle
+from .bundle import Bundle, check_versions, clean_versions, result_versions
 from .plan import Plan
 from .rows import (
     DONE,
@@ -37,10 +38,15 @@ BATCHES_PER_THREAD = 2  # in flight: one runs, one waits at the worker
 MOST_IN_BATCH = 200
 CONNECT_S = 10.0
 """That a scheduler may take to answer: it is asked again until then, so that it may be started at the same time."""
+WATCH_S = 1.0  # between looks at the scheduler and its workers
 ANSWER_S = 2.0  # that a scheduler may take to say which workers it has; else what it said before holds
-WATCH_S = 1.0  # between looks at whether the scheduler has workers at all
+UNANSWERED = 3
+"""Looks in a row without an answer after which a scheduler is given up: it took WATCH_S + ANSWER_S for each."""
+SILENT_S = 6.0  # after which a worker is given up that the scheduler has not heard of; it should at least each 2 s
+RESTART_S = 5.0  # that a nanny may take to end such a worker: it is asked to end before it is killed
 NO_WORKER_S = 60.0  # that workers may take to come, or to come back
-CLOSE_S = 60.0  # that a connection or a cluster may take to close: processes that are stopped do not answer
+CLOSE_S = 60.0  # that a cluster may take to close: workers that are stopped do not answer
+MEMORY_SHARE = 0.9  # of this machine, for the workers of a cluster on it and their cases
 ALLOWED_FAILURES = 20
 """Deaths of workers that a batch may see; with dask's 3 a few random ones would break innocent batches."""
 
@@ -84,7 +90,7 @@ def connect(address: str | None, workers: int | None, timeout_s: float = CONNECT
                 get_address_host_port(address)  # a client asks for what is no address again, and ends with a traceback
                 asyncio.run(asyncio.wait_for(_ask(address), timeout_s))
                 client = Client(address, set_as_default=False, timeout=timeout_s)
-            stack.callback(_close, client)
+            stack.callback(_close, client, ANSWER_S)
         except Exception as error:  # no scheduler there, it did not answer, no address; workers that do not start
             where = "a cluster on this machine" if address is None else f"--scheduler {address}"
             problem = str(error) or f"nothing has answered as a scheduler after {timeout_s:g} s"
@@ -95,15 +101,22 @@ def connect(address: str | None, workers: int | None, timeout_s: float = CONNECT
 async def _ask(address: str) -> None:
     """Have a scheduler answer.  A client waits for ever for a process that is stopped, or that is no scheduler."""
     from distributed.core import rpc
+    from distributed.security import Security
 
-    async with rpc(address) as scheduler:
+    async with rpc(address, connection_args=Security().get_connection_args("client")) as scheduler:
         await scheduler.identity()
 
 
 def _start_cluster(workers: int | None, stack: ExitStack) -> Any:
-    """A cluster on this machine, which ``stack`` closes."""
+    """A cluster on this machine, which ``stack`` closes; it is said how much memory its workers may have."""
+    from dask.system import CPU_COUNT
     from distributed import LocalCluster
+    from distributed.system import MEMORY_LIMIT
     from distributed.utils import LoopRunner
+
+    workers = workers or CPU_COUNT
+    memory_bytes = int(MEMORY_SHARE * MEMORY_LIMIT / workers)
+    _say(f"workers on this machine: {workers}; each may take {memory_bytes / 1e9:.3g} GB of memory with its case")
 
     # Its processes are started by python -c, which would import modules of the current directory before its own.  They
     # inherit this from here, and dask sets more here: all of it ends with the cluster.
@@ -116,9 +129,9 @@ def _start_cluster(workers: int | None, stack: ExitStack) -> Any:
     with hold_interrupts():
         cluster = LocalCluster(
             n_workers=workers, threads_per_worker=1, processes=True, dashboard_address="127.0.0.1:0",
-            silence_logs=CRITICAL, loop=loop.loop,
+            silence_logs=CRITICAL, loop=loop.loop, memory_limit=memory_bytes,
         )  # fmt: skip
-        stack.callback(_close, cluster)
+        stack.callback(_close, cluster, CLOSE_S)
     return cluster
 
 
@@ -128,10 +141,49 @@ def _restore_environment(before: Mapping[str, str]) -> None:
     os.environ.update(before)
 
 
-def _close(opened: Any) -> None:
+def _close(opened: Any, limit_s: float) -> None:
     """Close a client or a cluster: what there is to say of the study, and of the cluster, has been said before."""
     with hold_interrupts(), suppress(Exception):
-        opened.close(CLOSE_S)
+        opened.close(limit_s)
+
+
+def _say(text: str) -> None:
+    """A line on the error stream, above the progress bar."""
+    from tqdm import tqdm
+
+    tqdm.write(text, file=sys.stderr)
+
+
+def _name(address: str, worker: Mapping[str, Any]) -> str:
+    """A worker as messages call it, as its scheduler describes it."""
+    return f"worker {address}" if worker["name"] == address else f"worker {worker['name']} ({address})"
+
+
+class Silences:
+    """How long the workers of a scheduler have not been heard of.
+
+    Their clocks, and that of the scheduler, may differ from this one: what counts is whether the time changes at which
+    the scheduler has heard of a worker, and the time between looks.  A long one may be that of a command that was
+    stopped itself.
+    """
+
+    def __init__(self) -> None:
+        self._looked = time.monotonic()
+        self._known: dict[str, tuple[float, float]] = {}
+        """By address: when the scheduler has heard of it, on its clock; for how long that has not changed."""
+
+    def find(self, workers: Mapping[str, Mapping[str, Any]]) -> set[str]:
+        """Addresses of those that are silent for too long, of ``workers`` as the scheduler describes them."""
+        from distributed.scheduler import heartbeat_interval
+
+        now = time.monotonic()
+        passed, self._looked = min(now - self._looked, WATCH_S + ANSWER_S), now
+        before, self._known = self._known, {}
+        for address, worker in workers.items():
+            heard, silent = before.get(address, (None, 0.0))
+            self._known[address] = worker["last_seen"], silent + passed if heard == worker["last_seen"] else 0.0
+        most = max(SILENT_S, 3.0 * heartbeat_interval(len(workers)))
+        return {address for address, (_, silent) in self._known.items() if silent > most}
 
 
 class Dispatcher:
@@ -148,6 +200,10 @@ class Dispatcher:
         self._stored: frozenset[int] = frozenset()
         self._finished, self._spent_s = 0, 0.0
         self._threads = 0
+        self._next_look, self._unanswered = 0.0, 0
+        self._silences = Silences()
+        self._given_up, self._checked = set[str](), set[str]()
+        """Addresses of workers: of those that are not heard of, and of those that have the right packages."""
         self._idle_since: float | None = None
         """Since when there has been no worker."""
 
@@ -170,6 +226,8 @@ class Dispatcher:
         Raises what :func:`.worker.run_batch` raises, too.
         """
         self._stored = frozenset(stored)
+        while not self._count_threads():  # none gets anything before it is known to have ps_fmu
+            time.sleep(WATCH_S)
         key = f"ps-fmu-study-{self._files.sha256}"
         with self._notice_loss():
             self._bundle = self._client.submit(keep, self._files, key=key, pure=False)
@@ -240,34 +298,90 @@ class Dispatcher:
         """What a batch has found; what has been lost with its worker is computed again."""
         from distributed.scheduler import KilledWorker
 
-        while True:
-            try:
-                found: Done = future.result(NO_WORKER_S)
-                return found
-            except TimeoutError:
+        gathered = self._begin(self._client.gather(future, asynchronous=True))
+        try:
+            while not concurrent.futures.wait([gathered], WATCH_S).done:
                 self._count_threads()
-            except (KilledWorker, StartError, VersionError):
+            found: Done = gathered.result()
+            return found
+        except (KilledWorker, StartError, VersionError, ClusterError):
+            raise
+        except Exception as error:
+            failed = future.status == "error"  # else it is no error of the batch
+            if not failed and self._is_lost(error):
+                raise self._say_lost() from error
+            if failed and isinstance(error, OSError):
                 raise
-            except Exception as error:
-                failed = future.status == "error"  # else it is no error of the batch
-                if not failed and self._is_lost(error):
-                    raise self._say_lost() from error
-                if failed and isinstance(error, OSError):
-                    raise
-                text = " ".join(reason(error).split())
-                raise ClusterError(f"cases cannot be run there: {type(error).__name__}: {text}") from error
+            text = " ".join(reason(error).split())
+            raise ClusterError(f"cases cannot be run there: {type(error).__name__}: {text}") from error
+        finally:
+            gathered.cancel()
+
+    def _begin(self, work: Coroutine[Any, Any, Any]) -> concurrent.futures.Future[Any]:
+        """Have the client do something in its own thread."""
+        return asyncio.run_coroutine_threadsafe(work, self._client.loop.asyncio_loop)
 
     def _count_threads(self) -> int:
-        """Of all workers.  Raises :class:`.rows.ClusterError` if there have been no workers for long."""
+        """Of all workers that are heard of; those that are not are given up.
+
+        Raises :class:`.rows.ClusterError` if there have been no workers for long, or the scheduler does not answer, and
+        :class:`.rows.VersionError`.
+        """
+        if time.monotonic() < self._next_look:
+            return self._threads
         # Without a limit a client asks a scheduler that has just ended for as long as one may take to answer.
         with self._notice_loss(), suppress(TimeoutError):
-            found = self._client.sync(self._client.scheduler.ncores, callback_timeout=ANSWER_S)
-            self._threads = sum(found.values())
+            self._unanswered += 1
+            workers = self._client.sync(self._client.scheduler.identity, callback_timeout=ANSWER_S)["workers"]
+            self._unanswered = 0
+            for address in self._silences.find(workers) - self._given_up:
+                self._give_up(address, _name(address, workers[address]))
+            heard = {address: worker for address, worker in workers.items() if address not in self._given_up}
+            self._threads = sum(worker["nthreads"] for worker in heard.values())
+            self._check_versions(heard)
+        if self._unanswered >= UNANSWERED:
+            raise ClusterError(
+                f"the scheduler {self._address} has not answered for {UNANSWERED * ANSWER_S:g} s: it is stopped, or "
+                "its machine or the network is down or overloaded: continue it, or start another one"
+            )
         now = time.monotonic()
+        self._next_look = now + WATCH_S
         self._idle_since = None if self._threads else self._idle_since or now
         if self._idle_since is not None and now - self._idle_since > NO_WORKER_S:
-            raise ClusterError(f"the scheduler {self._address} has had no worker for {NO_WORKER_S:g} s")
+            raise ClusterError(
+                f"the scheduler {self._address} has had no worker for {NO_WORKER_S:g} s: start some, or see "
+                "in their logs why they have ended"
+            )
         return self._threads
+
+    def _check_versions(self, workers: Mapping[str, Mapping[str, Any]]) -> None:
+        """Ask workers that were not there before for their packages: one without ps_fmu would end by the first batch.
+
+        Raises :class:`.rows.VersionError`.
+        """
+        expected = result_versions()
+        question = {"op": "versions", "packages": [name for name in expected if name != "python"]}
+        if new := workers.keys() - self._checked:
+            found = self._client.sync(
+                self._client.scheduler.broadcast, msg=question, workers=list(new), on_error="ignore",
+                callback_timeout=ANSWER_S,
+            )  # fmt: skip
+            for address, about in found.items():
+                check_versions(expected, clean_versions(about["packages"]), _name(address, workers[address]))
+                self._checked.add(address)
+
+    def _give_up(self, address: str, name: str) -> None:
+        """Have the scheduler take a worker away, and its cases run elsewhere."""
+        self._given_up.add(address)
+        _say(
+            f"{name} has not been heard of for {SILENT_S:g} s: it is stopped, or its machine or the "
+            "network is down or overloaded.  Its cases run again elsewhere; where it has a nanny it is started anew"
+        )
+        ending = self._client.scheduler.restart_workers(
+            workers=[address], timeout=RESTART_S, wait_for_workers=False, on_error="return",
+            stimulus_id="ps-fmu-worker-not-heard-of",
+        )  # fmt: skip
+        self._begin(ending)
 
     @contextmanager
     def _notice_loss(self) -> Iterator[None]:

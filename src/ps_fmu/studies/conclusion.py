@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
+from ..files.plain import write_atomically
 from ..pointing.confidence import Statement
 from ..requirements.requirement import read_requirements
 from ..requirements.verdict import Answer
@@ -23,7 +24,6 @@ from ..results.report import Picture, Report
 from ..results.style import ACTIVE, PASSIVE, REFERENCE, draw, engineering, largest, pretty
 from ..results.summary import FmuFile, plain, versions
 from ..results.tables import Table
-from ..slavekit.pack.files import write_atomically
 from .outcome import (
     CONFIDENCE,
     PROBABILITIES,
@@ -36,7 +36,7 @@ from .outcome import (
     find_worst,
 )
 from .preparation import list_columns
-from .rows import SIGNALS, list_stored
+from .rows import SIGNALS, list_reasons, list_stored
 from .study import LATIN, SAMPLES, SOBOL
 from .sweep import Prepared, SweepOptions
 
@@ -180,8 +180,9 @@ def list_notes(outcome: Outcome) -> list[str]:
 
 def list_warnings(outcome: Outcome) -> list[str]:
     """What should make the reader careful."""
-    failed = len(outcome.table) - int(outcome.done.sum())
-    return [f"{failed} cases have no result: they count as not meeting any requirement."] if failed else []
+    failed = find_failed(outcome)
+    text = f"{len(failed)} cases have no result: they count as not meeting any requirement."
+    return ["\n  ".join([text, *list_reasons(failed)])] if failed else []
 
 
 def make_tables(outcome: Outcome, options: SweepOptions) -> list[Table]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Sequence
 from dataclasses import fields
 
@@ -17,6 +16,7 @@ from ..cosim.recording.thinner import select_names
 from ..cosim.structure import suggest_names
 from ..pointing.indices import PointingIndex
 from ..requirements.record import Windows
+from ..requirements.requirement import find_members, list_names
 from .study import Observed, Signals
 
 Array = NDArray[np.float64]
@@ -33,15 +33,9 @@ def find_signals(observed: Observed, columns: Sequence[Column]) -> dict[str, int
     places = {column.name: place for place, column in enumerate(columns)}
     found: dict[str, int] = {}
     for signal in observed.signal:
-        member = re.compile(re.escape(signal) + r"(?:\.\w+|_\d+)?")
-        own = {
-            name: place
-            for name, place in places.items()
-            if name == signal or ("." in signal and member.fullmatch(name))  # a component is no vector
-        }
+        own = find_members(signal, places)
         if not own:
-            vectors = {name.rpartition(".")[0] for name in places}
-            hint = suggest_names(signal, [*places, *(name for name in vectors if "." in name)])
+            hint = suggest_names(signal, list_names(places))
             raise observed.error("signal", f"there is no output {signal!r}{hint}")
         for name, place in own.items():
             if columns[place].type != "Real":

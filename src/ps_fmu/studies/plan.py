@@ -37,6 +37,8 @@ Array = NDArray[np.float64]
 
 MORRIS_LEVELS = 4  # of each factor: the usual choice (Saltelli and others, Sensitivity Analysis in Practice, 2004, 4.2)
 SMALLEST_EIGENVALUE = 1e-10  # of a correlation matrix; below it is singular to rounding
+ROUNDS = 6  # of the correction of rank correlations: more change little
+RELAXATION = 0.7  # of what ranks lack, in each round
 
 
 def draw_cases(study: Study, factors: Sequence[Factor]) -> Array:
@@ -114,17 +116,35 @@ def join_correlations(study: Study, names: Sequence[str]) -> Array | None:
 def correlate(shares: Array, rank_correlation: Array) -> Array:
     """Points (cases, factors) with each column's own values in another order, so that their ranks are correlated.
 
-    A Gaussian copula: normal scores with the correlation 2 sin(pi rho / 6) have the rank correlation rho.  The values
-    of each column are put into the order of the scores (R. L. Iman, W. J. Conover, A distribution-free approach to
-    inducing rank correlation among input variables, Commun. Stat. Simul. Comput. 11 (1982) 311-334): a Latin hypercube
-    stays one.
+    A Gaussian copula: normal scores with the correlation 2 sin(pi rho / 6) have the rank correlation rho.  The sample's
+    own correlation is taken out of the scores, and the values of each column are put into their order (R. L. Iman,
+    W. J. Conover, A distribution-free approach to inducing rank correlation among input variables, Commun. Stat. Simul.
+    Comput. 11 (1982) 311-334): a Latin hypercube stays one.  Of :data:`ROUNDS` corrections of what the ranks lack the
+    nearest is taken: within 0.03 at 20 cases.  Columns without a correlation stay as they are.  What a few cases have of
+    their own stays where it cannot be taken out: they are no more than the columns, or their ranks coincide.
     """
-    from scipy.stats import norm
+    from scipy.stats import norm, rankdata
 
-    scores = norm.ppf(np.clip(shares, 2.0**-53, 1.0 - 2.0**-53))
-    scores = scores @ np.linalg.cholesky(_to_normal(rank_correlation)).T
-    ranks = np.argsort(np.argsort(scores, axis=0), axis=0)
-    return np.take_along_axis(np.sort(shares, axis=0), ranks, axis=0)
+    place = np.flatnonzero((rank_correlation != np.eye(len(rank_correlation))).any(axis=0))
+    own, wanted = shares[:, place], rank_correlation[np.ix_(place, place)]
+    scores = norm.ppf((rankdata(own, axis=0) - 0.5) / len(own))
+    sampled = np.corrcoef(scores, rowvar=False) if len(own) > len(place) else np.zeros(wanted.shape)
+    if _is_definite(sampled):
+        scores = np.linalg.solve(np.linalg.cholesky(sampled), scores.T).T
+    aim, least = wanted.copy(), math.inf
+    ordered = own
+    for _ in range(ROUNDS):
+        normal = _to_normal(aim)
+        if not _is_definite(normal):
+            break
+        ranks = np.argsort(np.argsort(scores @ np.linalg.cholesky(normal).T, axis=0), axis=0)
+        lack = wanted - (np.corrcoef(ranks, rowvar=False) if len(own) > 1 else wanted)
+        if np.abs(lack).max() < least:
+            least, ordered = float(np.abs(lack).max()), np.take_along_axis(np.sort(own, axis=0), ranks, axis=0)
+        aim = np.clip(aim + RELAXATION * lack, -1.0, 1.0)
+    found = shares.copy()
+    found[:, place] = ordered
+    return found
 
 
 def _to_normal(rank_correlation: Array) -> Array:
@@ -132,6 +152,11 @@ def _to_normal(rank_correlation: Array) -> Array:
     found = 2.0 * np.sin(np.pi / 6.0 * rank_correlation)
     np.fill_diagonal(found, 1.0)
     return np.asarray(found)
+
+
+def _is_definite(matrix: Array) -> bool:
+    """Whether a symmetric matrix is positive definite, beyond rounding."""
+    return bool(np.linalg.eigvalsh(matrix).min() >= SMALLEST_EIGENVALUE)
 
 
 def _check_definite(matrix: Array, groups: Sequence[Correlation]) -> None:

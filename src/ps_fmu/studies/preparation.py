@@ -21,8 +21,7 @@ from ..cosim.faults.numbers import change_numbers
 from ..cosim.graph import check_wiring
 from ..cosim.schemes.resolving import resolve_scheme
 from ..cosim.ssp.reading import complete_experiment, read_any_system
-from ..cosim.structure import Experiment
-from ..cosim.system_json import encode_system
+from ..cosim.structure import Experiment, encode_system
 from ..product.files import find_product
 from ..requirements.quantity import Names, Time
 from ..runs.built_fmus import find_built_folder, is_own, list_models, provide_fmus
@@ -30,7 +29,7 @@ from ..runs.keeping import find_source
 from ..runs.options import OptionError, RunOptions
 from ..runs.scenario import Scenario
 from ..runs.setup import SCHEME, ColumnsError, RunSystem, load_system, read_files
-from .bundle import FAULTS, FMUS, INPUTS, REQUIREMENTS, SYSTEM, TASK, Bundle, Sources, Task, result_versions
+from .bundle import FAULTS, FMUS, INPUTS, REQUIREMENTS, SYSTEM, TASK, Bundle, Sources, Task, worker_versions
 from .factors import names_faults, split_values
 from .observed import check_signals, check_windows, find_columns, find_signals
 from .plan import Plan, list_seeds
@@ -270,7 +269,7 @@ def make_bundle(study: Study, system: RunSystem, sources: Sources) -> Bundle:
         stored = find_columns(study.signals, list_columns(study, system))
     task = Task(
         step_s=study.step_s, duration_s=study.duration_s, scheme=study.scheme, observed=study.observed,
-        runs={run: dict(values) for run, values in study.runs.items()}, versions=result_versions(), stored=stored,
+        runs={run: dict(values) for run, values in study.runs.items()}, versions=worker_versions(), stored=stored,
         stored_step_s=None if study.signals is None else study.signals.step, isolation=study.isolation,
         sources={run: kept[source.path] for run, source in sources.items()},
         anew=() if study.branch is None else study.branch.anew,

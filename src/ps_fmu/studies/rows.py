@@ -9,6 +9,7 @@ import re
 import shutil
 import sqlite3
 import tempfile
+import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from itertools import islice
@@ -34,7 +35,7 @@ ANSWER = "/answer"
 HISTOGRAM = "/histogram"
 """End of the name of a column with the histogram of a run, for a requirement that is judged over all cases."""
 LONGEST_TEXT = 2000  # of an error or of warnings
-
+LONGEST_REASON, MOST_REASONS = 400, 3  # that a terminal gets to see
 
 FILE = "rows.sqlite"  # in the output folder
 SIGNALS = "signals"  # a folder there
@@ -42,6 +43,8 @@ WAIT_S = 60.0  # for another process that reads or writes the file
 ROWS_AT_ONCE = 10_000  # that are in memory as Python objects
 
 _NAME = re.compile(r"case-(?P<case>\d+)\.nc")
+_VARYING = re.compile(r"(?<![\w.])[-+]?\d+(\.\d+)?(e[-+]?\d+)?\b|(/[^\s/:]+)+(?=/)")
+"""In an error: numbers that are words of their own, and folders."""
 _TABLE = "CREATE TABLE IF NOT EXISTS rows (number INTEGER PRIMARY KEY, content TEXT NOT NULL, digest TEXT NOT NULL)"
 
 
@@ -55,6 +58,10 @@ class StartError(RuntimeError):
 
 class ClusterError(RuntimeError):
     """The cluster is lost, or cannot be had; the rows so far are kept."""
+
+
+class TrialError(RuntimeError):
+    """All cases that were tried before the others have failed; their rows are kept."""
 
 
 class RowStore:
@@ -91,6 +98,10 @@ class RowStore:
     def read_statuses(self) -> dict[int, str]:
         """The status of each case that has a row."""
         return {row["case"]: row["status"] for row in self.read()}
+
+    def read_failed(self) -> list[tuple[int, str, str]]:
+        """Case, status and error of each row that is not done."""
+        return [(row["case"], row["status"], row["error"]) for row in self.read() if row["status"] != DONE]
 
     def read_table(self) -> Any:
         """All rows as a ``pyarrow.Table``, without histograms, which are some kilobytes a case; None without rows.
@@ -131,6 +142,24 @@ def _find_type(name: str) -> Any:
     if name == "case":
         return pa.int64()
     return pa.string() if name in TEXTS or name.endswith(ANSWER) else pa.float64()
+
+
+def list_reasons(failed: Iterable[tuple[int, str, str]]) -> list[str]:
+    """Why cases failed, from their case, status and error: a line for each reason with its count, the commonest first.
+
+    Errors that differ in numbers, or in the folders of their files, have one reason; the text is that of the first.
+    """
+    cases: dict[tuple[str, str], list[tuple[int, str]]] = {}
+    for case, status, error in failed:
+        text = " ".join(error.split())
+        cases.setdefault((status, _VARYING.sub("", text)), []).append((case, text))
+    common = sorted(cases.items(), key=lambda item: -len(item[1]))
+    lines = [
+        f"{len(found)} {status}, as case {found[0][0]}: {textwrap.shorten(found[0][1], LONGEST_REASON)}"
+        for (status, _), found in common[:MOST_REASONS]
+    ]
+    left = sum(len(found) for _, found in common[MOST_REASONS:])
+    return lines + ([f"{left} for {len(common) - MOST_REASONS} other reasons"] if left else [])
 
 
 def write_durably(path: Path, content: bytes) -> None:

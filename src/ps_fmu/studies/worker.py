@@ -24,7 +24,7 @@ from .rows import KILLED, LATE, LONGEST_TEXT, Row, StartError, VersionError, nam
 
 STARTS = 3  # tried before there is said to be none: somebody may end a process while it starts, too
 START_LIMIT_S = 300.0  # FMUs may be on a slow disk; longer is no start
-MEMORY_CHECK_S = 0.5
+MEMORY_CHECK_S = 0.1  # as dask looks at its workers
 NO_SIGNALS: Mapping[int, Path] = MappingProxyType({})
 Job = tuple[int, Mapping[str, Any]]
 """Index of a case, and its start values."""
@@ -91,7 +91,11 @@ class CaseProcess:
         except TimeoutError:
             status, error = LATE, f"no result after {self._timeout:g} s: the process was ended"
         except MemoryError:
-            error = f"the process was ended when it had {self._memory} bytes of memory"
+            assert self._memory is not None
+            error = (
+                f"the process was ended when it took more than the {self._memory / 1e6:.0f} MB of memory that are left "
+                "for it: expected a smaller case, or a larger --memory-limit of dask worker, or fewer --workers"
+            )
         except EOFError:
             error = self._explain_end()
         self.close()
@@ -260,10 +264,20 @@ def _find_process(bundle: Bundle, timeout_s: float | None, worker: Any) -> CaseP
     if _OWN.process is None:
         # In the worker's own folder, which dask removes also after a crash.
         folder = bundle.unpack(Path(tempfile.gettempdir() if worker is None else worker.local_directory))
-        memory = None if worker is None else worker.memory_manager.memory_limit
         isolates = Task.from_json(bundle.files[TASK]).isolation is not None
-        _OWN.key, _OWN.process = key, CaseProcess(folder, timeout_s, int(memory) if memory else None, isolates)
+        _OWN.key, _OWN.process = key, CaseProcess(folder, timeout_s, _share_memory(worker), isolates)
     return _OWN.process
+
+
+def _share_memory(worker: Any) -> int | None:
+    """Bytes for the case of a thread, so that a worker keeps its limit with all of its cases; None without a limit."""
+    limit = None if worker is None else worker.memory_manager.memory_limit
+    if not limit:
+        return None
+    import psutil
+
+    own = psutil.Process().memory_info().rss
+    return max(0, (int(limit) - own) // worker.state.nthreads)
 
 
 def _find_worker() -> Any:

@@ -17,6 +17,7 @@ class ToyStudy(Fmi2Slave):
         self.slowness = 0.0
         self.seed = 1
         self.mode = "none"
+        self.limit = 0.0
         self.once = ""
         self.gate = ""
         self.held = 0.0
@@ -25,7 +26,7 @@ class ToyStudy(Fmi2Slave):
         self.large = False
         self.u = 0.0
         fixed = {"causality": Fmi2Causality.parameter, "variability": Fmi2Variability.fixed}
-        for name in ("gain", "offset", "slowness", "held"):
+        for name in ("gain", "offset", "slowness", "limit", "held"):
             self.register_variable(Real(name, **fixed))
         self.register_variable(Integer("seed", **fixed))
         self.register_variable(String("mode", **fixed))
@@ -48,7 +49,7 @@ class ToyStudy(Fmi2Slave):
             os._exit(9)
         while self.gate and self.gain == self.held and os.path.exists(self.gate):
             time.sleep(0.02)
-        if self.mode != "none" and current_time > 0.05:
+        if self.mode != "none" and current_time > 0.05 and self.gain > self.limit:
             self.break_down()
         time.sleep(self.slowness)
         self.x = self.gain * self.random.gauss(0.0, 1.0)

@@ -114,7 +114,7 @@ class Guest:
         except OSError as error:
             return self._refuse(str(error))
         finally:
-            self._library.restore_numbers()
+            self._library.check_control_word()
         if not all(hasattr(self._fmu, function) for function in _NEEDED):
             return self._refuse("the library lacks functions of FMI 2.0 for co-simulation")
         make = self._fmu.fmi2Instantiate

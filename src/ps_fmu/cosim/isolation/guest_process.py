@@ -71,7 +71,6 @@ class _Client(Structure):
         ("guest", c_int64),
         ("spin_ns", c_int64),
         ("step_ns", c_int64),
-        ("life_ns", c_int64),
         ("python", c_void_p * 4),
         ("callbacks", c_void_p),
         ("name", c_char_p),
@@ -122,9 +121,9 @@ def load_library() -> ctypes.CDLL:
     library = ctypes.CDLL(str(find_library()))
     for function in (library.channel_bytes, library.client_bytes):
         function.argtypes, function.restype = (), c_uint64
-    for function in (library.begin_call, library.clear_client):
+    for function in (library.begin_call, library.forget_reads):
         function.argtypes, function.restype = (c_void_p,), None
-    library.flush_batch.argtypes, library.end_call.argtypes = (c_void_p,), (c_void_p, c_int64)
+    library.flush_batch.argtypes, library.collect_batch.argtypes = (c_void_p,), (c_void_p, c_int64)
     library.end_guest.argtypes, library.end_guest.restype = (c_void_p, c_int), None
     for function in (library.get_last_begun, library.get_change):
         function.argtypes, function.restype = (c_void_p,), c_uint32
@@ -164,7 +163,7 @@ class GuestProcess:
         client = self._client
         client.channel = ctypes.addressof(c_char.from_buffer(self._memory))
         client.data_bytes, client.guest, client.spin_ns = DATA_BYTES, self._process.pid, SPIN_NS
-        client.step_ns, client.life_ns = (int(1e9 * s) for s in timeouts_s)
+        client.step_ns = int(1e9 * timeouts_s[0])
         client.python[:] = [ctypes.cast(getattr(ctypes.pythonapi, name), c_void_p).value for name in _OF_PYTHON]
         self.lines: deque[str] = deque(maxlen=KEPT_LINES)
         """The last that the process wrote."""
@@ -200,7 +199,7 @@ class GuestProcess:
             functions.begin_call(self.address)
             with suppress(OSError):
                 self._pipe.sendall(parts[1])
-            status = int(functions.end_call(self.address, int(1e9 * self.find_limit(function))))
+            status = int(functions.collect_batch(self.address, int(1e9 * self.find_limit(function))))
             contents = decode(self._answers.readline()) if self.fate == ALIVE else []
         except KeyboardInterrupt:
             functions.end_guest(self.address, INTERRUPTED)
@@ -263,7 +262,7 @@ class GuestProcess:
         _end_group(self._process.pid)  # also what the FMU has started
         self._process.wait()
         self._reader.join(timeout=ENDING_S)
-        functions.clear_client(self.address)
+        functions.forget_reads(self.address)
 
     def _read(self, show: Callable[[str], None]) -> None:
         pipe = self._process.stdout

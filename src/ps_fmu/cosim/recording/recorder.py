@@ -23,8 +23,8 @@ from ...reduction.columns import NETCDF_LOCK, ColumnCopy
 from ..checkpoint.state import RowJournal
 from ..errors import RecorderError, UsageError
 from ..rows import Array, Column
-from .columns_on_disk import write_rows
 from .decimate import Decimator
+from .delivery import write_rows
 from .thinner import Thinner
 
 CHUNK_ROWS = 4000

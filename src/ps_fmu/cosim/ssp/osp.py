@@ -11,6 +11,7 @@ from pathlib import Path
 
 from fmpy.model_description import ModelVariable
 
+from ...files.xmlfile import Element, read_xml
 from ..description import index_variables, read_description
 from ..errors import SystemFileError
 from ..structure import (
@@ -24,7 +25,6 @@ from ..structure import (
     suggest_names,
 )
 from ..values import EXPECTED, Hop, Transformation, Value, parse_real, parse_value
-from ..xmlfile import Element, read_xml
 from .parameters import read_linear
 from .rules import OSP_VALUES, check_element, get_only_child, list_checked, read_number, show_tag
 from .sources import MOST_ELEMENTS, Sources

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
+from ...files.xmlfile import Element, read_xml
 from ..errors import SystemFileError
 from ..structure import Parameter, ParameterSet
 from ..values import EXPECTED, EXPONENTS, Hop, Items, Transformation, Unit, Value, fits_int32, parse_value
-from ..xmlfile import Element, read_xml
 from .rules import check_element, check_version, get_only_child, get_type, read_number
 
 

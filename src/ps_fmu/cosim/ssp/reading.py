@@ -9,12 +9,12 @@ from pathlib import Path, PurePosixPath
 
 from fmpy.model_description import ModelDescription
 
+from ...files.xmlfile import Element, read_xml
 from ..clock import count_steps
 from ..description import read_description
 from ..errors import SystemFileError, UsageError
 from ..structure import Component, Experiment, Parameter, PortName, System, SystemInput
 from ..values import End, parse_real
-from ..xmlfile import Element, read_xml
 from .flatten import flatten
 from .osp import OSP_NAME, read_osp
 from .parameters import read_parameters

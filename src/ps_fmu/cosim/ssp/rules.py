@@ -9,9 +9,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import NamedTuple
 
+from ...files.xmlfile import Element
 from ..errors import SystemFileError
 from ..values import EXPONENTS, parse_real
-from ..xmlfile import Element
 
 
 class _Rule(NamedTuple):

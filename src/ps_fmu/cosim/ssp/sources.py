@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from urllib.parse import unquote
 
-from ..archive import MAXIMUM_BYTES, extract
+from ...files.archive import MAXIMUM_BYTES, extract
+from ...files.xmlfile import Element
 from ..errors import MissingFmuError, SystemFileError
 from ..structure import UnpackedFolder
-from ..xmlfile import Element
 
 SSD_NAME = "SystemStructure.ssd"
 DEEPEST = 20

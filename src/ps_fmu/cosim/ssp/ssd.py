@@ -10,11 +10,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePosixPath
 
-from ..archive import check_archive, read_member
+from ...files.archive import check_archive, read_member
+from ...files.xmlfile import MAXIMUM_BYTES, Element, parse_xml, read_xml
 from ..errors import SystemFileError
 from ..structure import Connector, Parameter
 from ..values import End, Hop, Items, Unit, parse_real
-from ..xmlfile import MAXIMUM_BYTES, Element, parse_xml, read_xml
 from .parameters import apply_mapping, read_hop, read_items, read_parameter_set, read_units
 from .rules import check_element, check_version, get_only_child, get_type, is_type, list_checked
 from .sources import DEEPEST, MOST_CONNECTORS, MOST_ELEMENTS, MOST_SYSTEMS, SSD_NAME, Sources

@@ -19,7 +19,7 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from fmpy.model_description import ModelDescription, ModelVariable, Unit
 
-from ...slavekit.pack.files import write_zip
+from ...files.archive import write_zip
 from ..description import get_unit, index_variables, read_descriptions, read_start
 from ..errors import SystemFileError, UsageError, WiringError
 from ..graph import Wiring, check_wiring

@@ -234,7 +234,7 @@ EXPORTED int flush_batch(Client *c)
     return c->complete || c->n_sent == 0 ? fmi2OK : perform_batch(c, c->step_ns);
 }
 
-/* The guest looks at the pipe.  Nothing is put off. */
+/* The guest looks at the pipe; collect_batch waits for the call.  Nothing is put off. */
 EXPORTED void begin_call(Client *c)
 {
     if (c->n_read != c->n_learnt) { /* what the guest has read ahead may change now */
@@ -243,16 +243,4 @@ EXPORTED void begin_call(Client *c)
     }
     add_operation(c, CALL, 0);
     post_batch(c);
-}
-
-/* Wait for the call, and return its status.  The answer comes next, unless the guest has ended. */
-EXPORTED int end_call(Client *c, int64_t patience_ns)
-{
-    return collect_batch(c, patience_ns);
-}
-
-/* Give back the client's own memory. */
-EXPORTED void clear_client(Client *c)
-{
-    forget_reads(c);
 }

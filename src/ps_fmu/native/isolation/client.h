@@ -38,7 +38,7 @@ typedef struct {
     uint64_t data_bytes;
     int64_t guest;              /* process */
     int64_t spin_ns;
-    int64_t step_ns, life_ns;   /* how long to wait for the calls of a step, and for the others; 0: for ever */
+    int64_t step_ns;            /* how long to wait for the calls of a step; 0: for ever */
     Python python;
     const fmi2CallbackFunctions *callbacks;
     fmi2String name;
@@ -58,8 +58,8 @@ typedef struct {
 
 /* ---- client.c -------------------------------------------------------------------------------------------------- */
 
-/* The status of the batch under way: the first above fmi2Warning, or the highest. */
-int collect_batch(Client *c, int64_t patience_ns);
+/* Wait for the batch under way; its status: the first above fmi2Warning, or the highest. */
+EXPORTED int collect_batch(Client *c, int64_t patience_ns);
 
 /* Wait for the batch under way, if there is one. */
 int settle_batch(Client *c);
@@ -98,7 +98,7 @@ static inline size_t width(Kind kind)
 
 /* ---- later.c --------------------------------------------------------------------------------------------------- */
 
-/* Forget which reads follow a step. */
-void forget_reads(Client *c);
+/* Forget which reads follow a step; so all of the client's own memory is given back. */
+EXPORTED void forget_reads(Client *c);
 
 #endif

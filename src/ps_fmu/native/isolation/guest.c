@@ -77,7 +77,7 @@ static void keep_environment(void)
         folder[0] = '\0';
 }
 
-static void check_control_word(void)
+EXPORTED void check_control_word(void)
 {
     static bool told;
     if (put_control_word_back(control_word) && !told) {
@@ -224,11 +224,6 @@ EXPORTED const fmi2CallbackFunctions *get_callbacks(void)
 EXPORTED void note_error(const char *text)
 {
     store_message(fmi2Error, "isolation", text);
-}
-
-EXPORTED void restore_numbers(void)
-{
-    check_control_word();
 }
 
 /* Carry out the steps until the master has a call in the pipe.  `spin_ns`: how long to wait for work before sleeping. */

@@ -84,16 +84,20 @@ static fmi2Status leave(fmi2Status status)
     return status == fmi2Fatal ? fmi2Error : status;
 }
 
+/* The instance as `m`, with Python's lock, until `leave`. */
+#define ENTER(c, function)                                                                                             \
+    Instance *m = enter(c, function);                                                                                  \
+    if (m == NULL)                                                                                                     \
+        return fmi2Error
+
 #define CALL(inner_call)                                                                                               \
-    Instance *m = enter(c, __func__);                                                                                  \
-    return m != NULL ? leave(wrapper.inner_call) : fmi2Error
+    ENTER(c, __func__);                                                                                                \
+    return leave(wrapper.inner_call)
 
 fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean has_tolerance, fmi2Real tolerance, fmi2Real start,
                                fmi2Boolean has_stop, fmi2Real stop)
 {
-    Instance *m = enter(c, __func__);
-    if (m == NULL)
-        return fmi2Error;
+    ENTER(c, __func__);
     fmi2Status status = leave(wrapper.SetupExperiment(m->inner, has_tolerance, tolerance, start, has_stop, stop));
     if (status == fmi2OK)
         m->time = start;
@@ -118,9 +122,7 @@ fmi2Status fmi2Terminate(fmi2Component c)
 /* In Python a reset instance is a new object. */
 fmi2Status fmi2Reset(fmi2Component c)
 {
-    Instance *m = enter(c, __func__);
-    if (m == NULL)
-        return fmi2Error;
+    ENTER(c, __func__);
     m->core = NULL;
     fmi2Status status = wrapper.Reset(m->inner);
     if (status == fmi2OK) {
@@ -134,9 +136,7 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real step, fmi2Boolean
 {
     if (native_step(c, time, step))
         return fmi2OK;
-    Instance *m = enter(c, __func__);
-    if (m == NULL)
-        return fmi2Error;
+    ENTER(c, __func__);
     fmi2Status status = leave(wrapper.DoStep(m->inner, time, step, no_set_state));
     if (status == fmi2OK)
         m->time = time + step;
@@ -157,9 +157,7 @@ static const char *fault_of_texts(size_t n, const fmi2String texts[])
         const char *fault = fault_of_values(n, vr, value);                                                             \
         if (fault == NULL && (done))                                                                                   \
             return fmi2OK;                                                                                             \
-        Instance *m = enter(c, "fmi2" #name);                                                                          \
-        if (m == NULL)                                                                                                 \
-            return fmi2Error;                                                                                          \
+        ENTER(c, "fmi2" #name);                                                                                        \
         return leave(fault != NULL ? instance_refuse(m, "fmi2" #name, fault) : wrapper.name(m->inner, vr, n, value));  \
     }
 
@@ -180,9 +178,7 @@ static const char *fault_of_references(size_t n, const fmi2ValueReference vr[])
 
 fmi2Status fmi2GetString(fmi2Component c, const fmi2ValueReference vr[], size_t n, fmi2String value[])
 {
-    Instance *m = enter(c, __func__);
-    if (m == NULL)
-        return fmi2Error;
+    ENTER(c, __func__);
     const char *fault = fault_of_values(n, vr, value);
     if (fault == NULL)
         fault = fault_of_references(n, vr);
@@ -191,9 +187,7 @@ fmi2Status fmi2GetString(fmi2Component c, const fmi2ValueReference vr[], size_t 
 
 fmi2Status fmi2SetString(fmi2Component c, const fmi2ValueReference vr[], size_t n, const fmi2String value[])
 {
-    Instance *m = enter(c, __func__);
-    if (m == NULL)
-        return fmi2Error;
+    ENTER(c, __func__);
     const char *fault = fault_of_values(n, vr, value);
     if (fault == NULL)
         fault = fault_of_texts(n, value);
@@ -243,9 +237,7 @@ static const char NO_STATE[] = "this is no FMU state of this instance";
 
 fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *state)
 {
-    Instance *m = enter(c, __func__);
-    if (m == NULL)
-        return fmi2Error;
+    ENTER(c, __func__);
     if (state == NULL)
         return leave(instance_refuse(m, __func__, "no place for the state"));
     fmi2FMUstate new = NULL;
@@ -255,9 +247,7 @@ fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *state)
 
 fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate state)
 {
-    Instance *m = enter(c, __func__);
-    if (m == NULL)
-        return fmi2Error;
+    ENTER(c, __func__);
     if (!is_state(m, state))
         return leave(instance_refuse(m, __func__, NO_STATE));
     fmi2Status status = leave(wrapper.SetFMUstate(m->inner, state));
@@ -268,9 +258,7 @@ fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate state)
 
 fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate *state)
 {
-    Instance *m = enter(c, __func__);
-    if (m == NULL)
-        return fmi2Error;
+    ENTER(c, __func__);
     if (state == NULL || *state == NULL)
         return leave(fmi2OK);
     if (!is_state(m, *state))
@@ -282,9 +270,7 @@ fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate *state)
 
 fmi2Status fmi2SerializedFMUstateSize(fmi2Component c, fmi2FMUstate state, size_t *size)
 {
-    Instance *m = enter(c, __func__);
-    if (m == NULL)
-        return fmi2Error;
+    ENTER(c, __func__);
     if (!is_state(m, state) || size == NULL)
         return leave(instance_refuse(m, __func__, NO_STATE));
     return leave(wrapper.SerializedFMUstateSize(m->inner, state, size));
@@ -292,9 +278,7 @@ fmi2Status fmi2SerializedFMUstateSize(fmi2Component c, fmi2FMUstate state, size_
 
 fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate state, fmi2Byte bytes[], size_t size)
 {
-    Instance *m = enter(c, __func__);
-    if (m == NULL)
-        return fmi2Error;
+    ENTER(c, __func__);
     if (!is_state(m, state) || bytes == NULL)
         return leave(instance_refuse(m, __func__, NO_STATE));
     size_t needed = 0; /* pythonfmu copies as many bytes as the host asks for, even beyond the end */
@@ -306,9 +290,7 @@ fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate state, fmi2Byte b
 
 fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte bytes[], size_t size, fmi2FMUstate *state)
 {
-    Instance *m = enter(c, __func__);
-    if (m == NULL)
-        return fmi2Error;
+    ENTER(c, __func__);
     if (state == NULL || bytes == NULL || size > MOST_BYTES)
         return leave(instance_refuse(m, __func__, "no bytes, or no place for the state"));
     fmi2FMUstate new = NULL;

@@ -57,11 +57,16 @@ fmi2Status fmi2CancelStep(fmi2Component c)
 }
 
 /* Steps are never pending. */
-fmi2Status fmi2GetStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Status *value)
-{
-    (void)c, (void)kind, (void)value;
-    return fmi2Discard;
-}
+#define NONE(name, type)                                                                                               \
+    fmi2Status fmi2Get##name(fmi2Component c, const fmi2StatusKind kind, type *value)                                  \
+    {                                                                                                                  \
+        (void)c, (void)kind, (void)value;                                                                              \
+        return fmi2Discard;                                                                                            \
+    }
+
+NONE(Status, fmi2Status)
+NONE(IntegerStatus, fmi2Integer)
+NONE(StringStatus, fmi2String)
 
 fmi2Status fmi2GetRealStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Real *value)
 {
@@ -75,22 +80,10 @@ fmi2Status fmi2GetRealStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Rea
     return fmi2OK;
 }
 
-fmi2Status fmi2GetIntegerStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Integer *value)
-{
-    (void)c, (void)kind, (void)value;
-    return fmi2Discard;
-}
-
 fmi2Status fmi2GetBooleanStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Boolean *value)
 {
     if (c == NULL || value == NULL || kind != fmi2Terminated)
         return fmi2Discard;
     *value = fmi2False;
     return fmi2OK;
-}
-
-fmi2Status fmi2GetStringStatus(fmi2Component c, const fmi2StatusKind kind, fmi2String *value)
-{
-    (void)c, (void)kind, (void)value;
-    return fmi2Discard;
 }

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...mechanism.dynamics import bus_mass, rigid_body_mass
-from ...mechanism.forward_kinematics import forward_kinematics
-from ...mechanism.kinematics import leg_lengths
+from ...mechanism.kinematics import forward_kinematics, leg_lengths
 from ...mechanism.parameters import Array
 from ...mechanism.rotations import rotation_from_vector, skew
 from ...theory.transfer_matrices import Complex, Practical

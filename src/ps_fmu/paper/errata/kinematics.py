@@ -9,16 +9,15 @@ import numpy as np
 
 from ...control.commander import DEFAULT_ALGORITHM_1
 from ...mechanism.dynamics import Pose, leg_mass
-from ...mechanism.forward_kinematics import forward_kinematics
 from ...mechanism.inverse_kinematics import Solver, descend, inverse_kinematics, step_size_bound, trilaterate
-from ...mechanism.kinematics import displacements, leg_lengths, leg_vectors
+from ...mechanism.kinematics import displacements, forward_kinematics, leg_lengths, leg_vectors
 from ...mechanism.parameters import Array, CoarseLeg, LegPart
 from ...mechanism.rotations import rotation_from_vector, rotation_matrix
 from ...theory.transfer_matrices import Nominal
 from ..bus_cases import assemble_nominal
 from ..figures.fig06 import compute_reach
 from ..figures.fig07.runs import EPSILON_AS_PUBLISHED
-from ..figures.table2.closed_form import ORIENTATIONS
+from ..figures.table2.runs import ORIENTATIONS
 from ..published import published_numbers
 from . import case
 from .case import BY_READING, Erratum, rate, relative_error

@@ -14,13 +14,20 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ...mechanism.forward_kinematics import ForwardKinematicsError, forward_kinematics
 from ...mechanism.inverse_kinematics import inverse_kinematics, reachable
-from ...mechanism.kinematics import KinematicsError, leg_rows, leg_vectors, list_singularities, platform_joints_B
+from ...mechanism.kinematics import (
+    ForwardKinematicsError,
+    KinematicsError,
+    forward_kinematics,
+    leg_rows,
+    leg_vectors,
+    list_singularities,
+    platform_joints_B,
+)
 from ...mechanism.parameters import Array, Geometry
 from ...mechanism.rotations import GimbalLockError, orientation_rate_map
 from .. import workspace
-from ..figures.table2.closed_form import ORIENTATIONS
+from ..figures.table2.runs import ORIENTATIONS
 from ..published import ANGLES
 from .fit import Identifiability, Range, follow, roundings, slopes, targets, values_at
 

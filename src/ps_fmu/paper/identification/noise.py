@@ -15,7 +15,7 @@ from scipy.optimize import least_squares
 from ...mechanism.parameters import Array, Parameters
 from ...theory.loop import loop_at
 from ...theory.transmissibility import variance_weights
-from ..figures.table2.closed_form import ORIENTATIONS
+from ..figures.table2.runs import ORIENTATIONS
 from .fit import Identifiability, roundings, targets
 
 KEYS = tuple(f"table2.{orientation}_passive_{axis}" for orientation in ORIENTATIONS for axis in (1, 2, 3))

@@ -16,7 +16,7 @@ from ...theory.loop import loop_at
 from .. import workspace
 from ..figures.fig10.closed_form import BAND
 from ..figures.fig10.plots import break_jumps
-from ..figures.table2.closed_form import ORIENTATIONS
+from ..figures.table2.runs import ORIENTATIONS
 from ..published import ANGLES, make_finding, published_numbers
 from . import geometry, noise, suspension
 from .fit import Identifiability, Range, roundings, targets

@@ -14,9 +14,9 @@ import tomlkit  # keeps comments and layout, which tomllib cannot write at all
 from tqdm import tqdm
 
 from ...cosim.ssp.writing import real_values_xml
+from ...files.plain import write_atomically
 from ...interface.start_values import differences
 from ...mechanism.parameters import PAPER, Array, Parameters, load
-from ...slavekit.pack.files import write_atomically
 from ..bus_cases import with_large_damping
 from . import geometry, noise, suspension
 from .fit import Identifiability, IdentificationError

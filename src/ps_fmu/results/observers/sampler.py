@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .kept import State, check_array, load_attributes, save_attributes
-from .observer import ColumnObserver, NamedColumn, find_columns
+from .observer import ColumnObserver, NamedColumn, State, check_array, find_columns, load_attributes, save_attributes
 
 Array = NDArray[np.float64]
 

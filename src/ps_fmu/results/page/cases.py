@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from .packing import Entry, encode, pack_fields
+from .writer import Entry, encode, pack_fields
 
 Array = NDArray[np.float64]
 

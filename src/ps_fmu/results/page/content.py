@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ..style import COLOURS
 from ..waterfall import RANGE_DB, Waterfall
 from .cases import CaseTable
-from .packing import Entry, encode, encode_levels, pack_fields
+from .writer import Entry, encode, encode_levels, pack_fields
 
 Array = NDArray[np.float64]
 

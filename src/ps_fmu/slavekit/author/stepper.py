@@ -10,10 +10,9 @@ import numpy as np
 from .blocks import make_blocks, store_by_columns
 from .buffer import Array
 from .core import FOUND_DUE, Elements, Map, OutputLimits, Step
-from .elements import Element
+from .elements import Element, StepMap, compile_elements, find_full_delay
 from .far import blame
 from .guard import ModelError, Refused, report
-from .program import StepMap, compile_elements, find_full_delay
 from .state import Derived, LifePhase, SlaveClock, SlaveState
 from .tables import Tables
 

@@ -23,12 +23,13 @@ from typing import Any
 import pythonfmu
 from pythonfmu.builder import FmuBuilder, get_model_class
 
+from ...files.archive import compute_digest, read_all, write_zip
+from ...files.plain import write_atomically
 from ..author.description import CAPABILITIES
 from ..author.slave import Slave
 from ..author.terminals import write_terminals
 from .bundle import check as check_bundle
 from .errors import BuildError
-from .files import compute_digest, read_zip, write_atomically, write_zip
 from .launch import (
     DOCUMENTATION,
     PACKAGE,
@@ -137,7 +138,7 @@ def _repackage(
     stock: Path, slave: type[Slave], script: Path, interpreter: Path | None, bundled: bool
 ) -> tuple[str, Files]:
     """Model name and files of the final FMU, from pythonfmu's and the sources."""
-    built = read_zip(stock)
+    built = read_all(stock)
     model = _read_model_name(built[_DESCRIPTION])
     files = put_launcher_in_front(built, model)
     files[_DESCRIPTION] = _GUID.sub(b'guid=""', built[_DESCRIPTION], count=1)

@@ -28,8 +28,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
+from ...files.archive import make_zip
 from .errors import BuildError
-from .files import make_zip
 from .licenses import License, collect_runtime_licenses
 from .modules import compile_module
 from .sources import Files

@@ -8,29 +8,28 @@ anywhere: nothing in it is believed unchecked.
 
 from __future__ import annotations
 
-import io
 import json
 import os
 import re
-import stat
 import subprocess
 import sys
 import tempfile
-import zipfile
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
-from xml.etree.ElementTree import Element, ParseError, SubElement, iterparse, tostring
+from xml.etree.ElementTree import Element, SubElement, fromstring, tostring
 
 import pythonfmu
 
 from ... import __version__
+from ...files.archive import compute_digest, read_all, read_member, write_zip
+from ...files.plain import SystemFileError, write_atomically
+from ...files.xmlfile import MAXIMUM_BYTES, parse_xml
 from ...native import list_platforms
 from . import pythonfmu_build
 from .build import build_one
 from .bundle import check as check_bundle
 from .errors import BuildError
-from .files import compute_digest, write_atomically, write_zip
 from .launch import PACKAGE, RESOURCES, add_modules, add_notes, check_interpreter, name_package, put_launcher_in_front
 from .licenses import collect_source_licenses
 from .modules import write_loading_entry
@@ -45,13 +44,6 @@ _COMPILED = (".so", ".pyd", ".dylib", ".dll")
 _REQUIREMENT = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*")
 _ELSEWHERE = re.compile(r"""platform\w*\s*==\s*["'](win32|cygwin|Windows|darwin|Darwin)""")
 _DESCRIPTION = PurePosixPath("modelDescription.xml")
-_MOST_FILES = 20_000
-_MOST_BYTES = 1 << 29  # unpacked, of all files
-_LONGEST_NAME = 255  # characters: what file systems take
-_LARGEST_DESCRIPTION = 1 << 24  # bytes
-_MOST_ELEMENTS = 1_000_000
-_DEEPEST = 100  # levels; Python writes deep ones by recursion
-_ENCODING = re.compile(rb"""^<\?xml[^>]*\bencoding\s*=\s*["']([\w.-]+)["']""")
 _IDENTIFIER = re.compile(r"[A-Za-z_]\w{0,199}", re.ASCII)
 _EXIT = b"finalizePythonInterpreter"  # pythonfmu's library has it from 0.7 on, and the launcher needs it
 
@@ -283,11 +275,14 @@ class Stock:
 
 
 def read_stock(path: Path) -> Stock:
-    """Read an FMU that ``pythonfmu build`` has made.  Raises BuildError for every other file, OSError."""
-    files = _read_archive(path)
-    if _DESCRIPTION not in files:
-        raise BuildError("this is not an FMU: it has no modelDescription.xml")
-    description = _parse(files[_DESCRIPTION])
+    """Read an FMU that ``pythonfmu build`` has made.  Raises BuildError for every other file."""
+    try:
+        files = read_all(path)
+        content = read_member(path, _DESCRIPTION.name, MAXIMUM_BYTES)
+        parse_xml(content, Path(_DESCRIPTION))
+    except SystemFileError as error:
+        raise BuildError(error.text if error.path == path else str(error)) from None
+    description = fromstring(content)
     version = description.get("fmiVersion", "none")
     if description.tag != "fmiModelDescription" or version != "2.0":
         raise BuildError(f"this is an FMU of FMI {version:.20}; expected FMI 2.0, the version of pythonfmu")
@@ -305,73 +300,6 @@ def read_stock(path: Path) -> Stock:
         raise BuildError(f"resources/{script}.py is missing, which resources/slavemodule.txt names")
     _check_libraries(files, model, description.get("generationTool", "an unknown tool"))
     return Stock(files, description, model, script)
-
-
-def _read_archive(path: Path) -> Files:
-    if path.exists() and not path.is_file():  # a pipe may be read without end
-        raise BuildError("this is no ordinary file; expected an FMU")
-    try:
-        with zipfile.ZipFile(path) as archive:
-            members = [member for member in archive.infolist() if not member.is_dir()]
-            if len(members) > _MOST_FILES or sum(member.file_size for member in members) > _MOST_BYTES:
-                raise BuildError(f"it has over {_MOST_FILES} files, or over {_MOST_BYTES >> 20} MB unpacked")
-            files: Files = {}
-            for member in members:
-                name = _check_name(member)
-                if name in files:
-                    raise BuildError(f"it has two files named {name}")
-                files[name] = _read_member(archive, member)
-            return files
-    except (zipfile.BadZipFile, zipfile.LargeZipFile, NotImplementedError, EOFError, UnicodeError, ValueError) as error:
-        raise BuildError(f"this is not an FMU: it cannot be read as a zip archive ({error})") from None
-
-
-def _check_name(member: zipfile.ZipInfo) -> PurePosixPath:
-    """The name of a file that stays within the folder that the FMU is unpacked to."""
-    name, path = member.filename, PurePosixPath(member.filename)
-    shown = ascii(name[:60])
-    if path.is_absolute() or ".." in path.parts or any(sign in name for sign in '\\:\0\n\r"') or name != str(path):
-        raise BuildError(f"the file name {shown} leads out of the archive or is no plain name")
-    if len(name) > _LONGEST_NAME:
-        raise BuildError(f"the file name {shown}... is longer than {_LONGEST_NAME} characters")
-    if stat.S_ISLNK(member.external_attr >> 16) or member.flag_bits & 1:
-        raise BuildError(f"the file {shown} is a symbolic link or encrypted")
-    return path
-
-
-def _read_member(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> bytes:
-    """The content, which is as long as the archive says, or refused: it might not end."""
-    try:
-        with archive.open(member) as file:
-            content = file.read(member.file_size + 1)
-    except Exception as error:  # BadZipFile, OSError, zlib.error, lzma.LZMAError
-        raise BuildError(f"{member.filename[:60]} cannot be unpacked: {error}") from None
-    if len(content) != member.file_size:
-        raise BuildError(f"{member.filename[:60]} has another length than the archive says")
-    return content
-
-
-def _parse(content: bytes) -> Element:
-    """The root of a model description; entities, by which a small file can become a large one, are refused."""
-    encoding = _ENCODING.match(content.removeprefix(b"\xef\xbb\xbf"))
-    if len(content) > _LARGEST_DESCRIPTION:
-        raise BuildError(f"modelDescription.xml has over {_LARGEST_DESCRIPTION >> 20} MB")
-    if b"\0" in content or (encoding is not None and encoding[1].lower() not in (b"utf-8", b"us-ascii")):
-        raise BuildError("modelDescription.xml is not in UTF-8, the encoding that FMI 2.0 asks for")
-    if b"<!DOCTYPE" in content or b"<!ENTITY" in content:
-        raise BuildError("modelDescription.xml has a document type definition, which no FMU needs")
-    count = depth = 0
-    root = Element("")
-    try:
-        for event, element in iterparse(io.BytesIO(content), ("start", "end")):
-            root = element  # the last event is the end of the root
-            count += event == "start"
-            depth += 1 if event == "start" else -1
-            if count > _MOST_ELEMENTS or depth > _DEEPEST:
-                raise BuildError(f"modelDescription.xml has over {_MOST_ELEMENTS} elements or {_DEEPEST} levels")
-    except ParseError as error:
-        raise BuildError(f"modelDescription.xml cannot be read: {error}") from None
-    return root
 
 
 def _check_libraries(files: Files, model: str, tool: str) -> None:

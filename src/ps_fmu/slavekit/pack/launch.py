@@ -6,11 +6,11 @@ import os
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path, PurePosixPath
 
+from ...files.archive import compute_digest
 from ...native import list_platforms, read_compiled
 from ..author.description import make_guid
 from .bundle import bundle
 from .errors import BuildError
-from .files import compute_digest
 from .licenses import License, write_licenses
 from .modules import pack_modules
 from .sources import Files

@@ -18,7 +18,7 @@ from functools import lru_cache
 from pathlib import Path, PurePosixPath
 from py_compile import PycInvalidationMode
 
-from .files import make_zip
+from ...files.archive import make_zip
 from .sources import LIBRARIES, Files
 
 # Of a text of one letter there is one object in a process, and byte code has it in another way where it is interned, by

@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from ....control.commander import DEFAULT_ALGORITHM_1
 from ....cosim import Value
-from ....mechanism.forward_kinematics import forward_kinematics
 from ....mechanism.inverse_kinematics import Solver, inverse_kinematics, reachable, trilaterate
+from ....mechanism.kinematics import forward_kinematics
 from ....mechanism.parameters import Array, Geometry, load
 from ....runs.cases import Case, Outcome, run_case
 from ....runs.options import OptionError, RunOptions

@@ -10,8 +10,7 @@ import numpy as np
 from ....mechanism.parameters import Array
 from ....results.style import ACTIVE, AXES, PASSIVE, REFERENCE
 from ....results.tables import format_angles
-from .closed_form import LOOP_DELAY, ORIENTATIONS, published_value
-from .runs import OrientationResult, compute_rms_below
+from .runs import LOOP_DELAY, ORIENTATIONS, OrientationResult, compute_rms_below, published_value
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -24,10 +24,9 @@ from ....scenarios.comparison import HEADER, Comparison, explain_refusal, make_r
 from ....scenarios.exploration import explore_comparisons
 from ...cosimulation import hold_run
 from ...published import make_finding, published_numbers
-from . import closed_form, runs
-from .closed_form import LOOP_DELAY, ORIENTATIONS, published_value, rejection
+from . import runs
 from .plots import paint_cumulative, paint_image, paint_rms
-from .runs import OrientationResult, list_cases, measure
+from .runs import LOOP_DELAY, ORIENTATIONS, OrientationResult, list_cases, measure, published_value, rejection
 
 __all__ = ["analyse", "find", "list_cases"]
 
@@ -137,7 +136,7 @@ def describe_second_axis(system: RunSystem, found: Mapping[str, Comparison]) -> 
             f"Parameter files set {others[0]}{f' and {len(others) - 1} more' if others[1:] else ''}: the runs are of "
             "that system; the columns 'published' and 'identified', and what differs from them, are of the paper's."
         )
-    return closed_form.second_axis_text({name: comparison.rms_active for name, comparison in found.items()})
+    return runs.second_axis_text({name: comparison.rms_active for name, comparison in found.items()})
 
 
 def analyse(options: AnalysisOptions, scenario: Scenario = SCENARIOS["table2"]) -> AnalysisResult:
@@ -283,7 +282,7 @@ def _knowledge_table() -> Table:
     rows = [
         (
             name,
-            *(f"{value:.3e}" for value in closed_form.closed_form("nominal", knows)[1].rms),
+            *(f"{value:.3e}" for value in runs.closed_form("nominal", knows)[1].rms),
             *(f"{value:.2f}" for value in rejection("nominal", knows)),
         )
         for name, knows in (("as identified", False), ("true", True))
@@ -368,8 +367,8 @@ def paragraphs(results: Mapping[str, OrientationResult], densities: list[tuple[A
         f"variance lie below 0.2 Hz, the rigid motion of the bus; {active[2].min():.0f} to {active[2].max():.0f} % of "
         "the active variance lie between 2 and 20 Hz: the resonance of the fine legs, and the delay of the low-pass "
         "M(s) there.",
-        closed_form.knowledge_text(),
-        closed_form.second_axis_text({r.name: r.rms[1] for r in results.values()}),
+        runs.knowledge_text(),
+        runs.second_axis_text({r.name: r.rms[1] for r in results.values()}),
         "On the other axes the active RMS of the runs differs from the published one by "
         f"{others.min():+.0f} to {others.max():+.0f} %, most at {format_angles(ORIENTATIONS[farthest])} deg.",
         *published_remarks(),

@@ -6,12 +6,11 @@ and no files to fetch.  Elements keep their line, so that an error can name it.
 
 from __future__ import annotations
 
-import stat
 from dataclasses import dataclass, field
 from pathlib import Path
 from xml.parsers import expat
 
-from .errors import SystemFileError
+from .plain import SystemFileError, read_bytes
 
 MAXIMUM_BYTES = 16 * 2**20
 """Larger files are refused; the wiring of a thousand FMUs takes about 1 MiB."""
@@ -63,23 +62,6 @@ class Element:
         for tag in tags:
             element = element.find(tag) if element is not None else None
         return element
-
-
-def read_bytes(path: Path, maximum: int) -> bytes:
-    """Content of a regular file of at most ``maximum`` bytes: a pipe may never end, and a device fill the memory.
-
-    Raises :class:`SystemFileError` if it cannot be read.
-    """
-    try:
-        if not stat.S_ISREG(path.stat().st_mode):
-            raise SystemFileError(path, "is no file but a folder, pipe or device: write the content into a file")
-        with path.open("rb") as file:
-            data = file.read(maximum + 1)
-    except OSError as error:
-        raise SystemFileError(path, f"cannot be read: {error.strerror}") from error
-    if len(data) > maximum:
-        raise SystemFileError(path, f"is too large: of its bytes at most {maximum} are read")
-    return data
 
 
 def read_xml(path: Path, texts: bool = False) -> Element:
