@@ -133,27 +133,30 @@ def test_channels_that_cancel_each_other_are_one_line():
     assert nothing.variance == pytest.approx(0.0, abs=1e-12)
 
 
-@pytest.mark.parametrize("seed", range(20))
-def test_no_share_is_below_zero_or_above_all(seed):
+def test_no_share_is_below_zero_or_above_all():
     """Of six strongly correlated channels, whatever they do, beside one that is alone."""
-    random = np.random.default_rng(seed)
-    few = draw_complex(random, 300, 6, 2)
-    ways, spectrum = draw_complex(random, 300, 2, 6), few @ few.conj().mT
-    noise = Source("n", tuple(f"n {c}" for c in "abcdef"), FREQUENCY, ways, spectrum)
-    coil = Source("coil", ("coil",), FREQUENCY, draw_complex(random, 300, 2, 1), np.array([[0.3]]))
-    found = make_budget(RelativeError(1.0, "uniform"), [noise, coil], EDGES, resonances=RESONANCES)
-    shares = np.array([found.contribution(line) for line in found.lines]) / found.variance
-    assert shares.sum() == pytest.approx(1.0)
-    assert (shares.sum(axis=1) > -1e-6).all() and (shares > -0.006).all()
-    assert sorted(k for line in found.lines for k in line.channels) == list(range(7))
-    assert (np.abs(found.correlation) < 1.0 + 1e-9).all()
-    resonances = found.by_resonance / found.variance
+    negative, least = 0, []
+    for seed in range(20):
+        random = np.random.default_rng(seed)
+        few = draw_complex(random, 6, 2) + 0.1 * draw_complex(random, 300, 6, 2)
+        ways = draw_complex(random, 2, 6) + 0.1 * draw_complex(random, 300, 2, 6)
+        noise = Source("n", tuple(f"n {c}" for c in "abcdef"), FREQUENCY, ways, few @ few.conj().mT)
+        coil = Source("coil", ("coil",), FREQUENCY, draw_complex(random, 300, 2, 1), np.array([[0.3]]))
+        found = make_budget(RelativeError(1.0, "uniform"), [noise, coil], EDGES, resonances=RESONANCES)
+        shares = np.array([found.contribution(line) for line in found.lines]) / found.variance
+        assert shares.sum() == pytest.approx(1.0)
+        assert shares.min() > -0.006  # in a band
+        assert sorted(k for line in found.lines for k in line.channels) == list(range(7))
+        assert (np.abs(found.correlation) < 1.0 + 1e-9).all()
+        negative += int(found.pairs.sum(axis=(0, 1)).min() < -0.01 * found.variance)
+        least += [shares.sum(axis=1).min(), (found.by_resonance / found.variance).min()]
+    assert negative > 10  # budgets in which a channel by itself takes away
     verify_claim(
         "budget.shares_within_the_whole",
         claim="Shares of sources and resonances lie between 0 and 100 %, also of sources that cancel each other",
         where="`ps-fmu analyse budget`: terminal, budget.html and budget.json",
         reference="20 draws of six strongly correlated sources",
-        error=np.concatenate([-each for each in (shares.sum(axis=1), resonances)]),
+        error=-np.array(least),
         bound=1e-8,
     )
 

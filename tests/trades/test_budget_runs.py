@@ -11,9 +11,11 @@ from support.claims import verify_claim
 
 from ps_fmu.cosim import Master, read_parameters, read_system
 from ps_fmu.disturbance.recording import HEADER
-from ps_fmu.pointing import RelativeError
+from ps_fmu.mechanism.signals import output_slices
+from ps_fmu.pointing import AbsoluteError, RelativeError
 from ps_fmu.pointing.budget import make_budget
 from ps_fmu.results.observers.sampler import SampleObserver
+from ps_fmu.theory.sampled import step_loop
 from ps_fmu.trades.budget.results import find_edges, list_sources, select_signals
 from ps_fmu.trades.budget.system_model import Circuit, read_model
 
@@ -64,6 +66,10 @@ def write_recording(path):
     number = random.integers(4, 600, 40)  # in the period
     size = random.normal(size=(40, 6)) * np.array([1.0, 1.0, 1.0, 0.5, 0.5, 0.5])  # N, N.m
     wrench = np.cos(2.0 * np.pi * np.outer(time / PERIOD, number)) @ size
+    write_rows(path, time, wrench)
+
+
+def write_rows(path, time, wrench):
     np.savetxt(path, np.column_stack([time, wrench]), delimiter=",", header=",".join(HEADER), comments="")
 
 
@@ -74,12 +80,11 @@ def make_values(on):
     return values
 
 
-def run(system, on):
-    """Rotation of the payload with some sources on, (rows, 3), rad: a period and a window more."""
-    first, stride = round(SETTLING / STEP), round(ROW / STEP)
-    rows = first + stride * np.arange(round((PERIOD + INDEX.window) / ROW) + 1)
+def simulate(system, start, end):
+    """Rotation of the payload between two times, s, (rows, 3), rad."""
+    rows = round(start / STEP) + round(ROW / STEP) * np.arange(round((end - start) / ROW) + 1)
     names = [f"plant.{name}" for name in SIGNALS]
-    with Master(system.with_parameters(make_values(on)), STEP) as master:
+    with Master(system, STEP) as master:
         master.initialise()
         samples = SampleObserver(master.columns, names, rows.tolist())
         master.run(rows[-1] * STEP, [samples])
@@ -104,7 +109,8 @@ def records(system):
     """With each source alone, and with all."""
     cases = [*((name,) for name in SWITCHES), TOGETHER]
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        found = pool.map(lambda on: run(system, on), cases)
+        end = SETTLING + PERIOD + INDEX.window
+        found = pool.map(lambda on: simulate(system.with_parameters(make_values(on)), SETTLING, end), cases)
         return dict(zip([*SWITCHES, "all"], found, strict=True))
 
 
@@ -260,3 +266,62 @@ def test_the_sum_of_variances_meets_the_run_with_all_on(circuit, records, source
     scatter = np.sqrt(cross + sum(spread(source, axis) for source in random))
     of_seed = expected - alone["wheel"] + float(answer_to_wheel(circuit, axis, [SEED])[0])
     assert abs(measured - of_seed) < 3.0 * scatter + 0.03 * expected
+
+
+def test_a_recording_that_ends(system, tmp_path):
+    """Noise and a sine over 40 s, faded in and out: each axis as in the run of 32 s between, within its scatter."""
+    random, duration, time = np.random.default_rng(2), 40.0, np.arange(0.0, 40.0 + 1e-9, 1e-3)
+    spectra, frequency = np.fft.rfft(random.normal(size=(len(time), 6)), axis=0), np.fft.rfftfreq(len(time), 1e-3)
+    size = np.where((frequency > 0.5) & (frequency < 60.0), 1.0 / (1.0 + frequency / 5.0), 0.0)
+    wrench = np.fft.irfft(spectra * size[:, None], len(time), axis=0) * np.array([20.0, 20.0, 20.0, 5.0, 5.0, 5.0])
+    wrench[:, 2] += np.cos(2.0 * np.pi * 7.3 * time)
+    fade = np.clip(np.minimum(time, duration - time) / 3.0, 0.0, 1.0)[:, None]
+    path = tmp_path / "measured.csv"
+    write_rows(path, time, wrench * fade * fade * (3.0 - 2.0 * fade))
+    own = {"disturbance.recording.path": str(path), "disturbance.recording.repeat": False}
+    measured = system.with_parameters(make_values(["recording"]) | own)
+    found = list_sources(Circuit(read_model(measured), True), SIGNALS, points=600)[1]
+    source = next(source for source in found if source.name == "recording")
+    expected = [budget([source], axis).variance for axis in range(3)]
+    verify_claim(
+        "budget.recording",
+        claim="Variance by a recording that does not repeat",
+        where="`ps-fmu analyse budget` with `disturbance.recording.path`",
+        reference="run of the FMUs of Instrument.ssd with a recording of 40 s; its Welch spectrum weights the middle",
+        error=np.abs(measure(simulate(measured, 4.0, 36.0)) / expected - 1.0),
+        bound=0.15,
+    )
+
+
+def test_gaussian_noise_over_hours(built_fmus):
+    """The passive image point in time: the generator's noise through plant and steps of 0.05 s, as long as it takes.
+
+    A budget of a rectangle from 0.1 Hz on would be off by 16 %.
+    """
+    h, duration = 0.05, 40_000.0 if os.environ.get("PS_FMU_SOAK") else 8000.0  # s
+    quiet = {"disturbance.noise.band.max": 5.0, "disturbance.seed": SEED}
+    system = read_system(SYSTEM / "SystemStructure.ssd", built_fmus).with_parameters(quiet)
+    circuit = Circuit(read_model(system, h), False)
+    source = list_sources(circuit, ("los.x", "los.y"))[1][0]
+    expected = make_budget(AbsoluteError(), [source], find_edges(0.5 / h), step=h).variance
+    scatter = np.sqrt(float(np.trapezoid(source.density() ** 2, source.frequency)) / duration)
+    model = step_loop(circuit.model.loop.model, None, h, np.arange(*output_slices()["los"].indices(1000)))
+    state, square, settled = np.zeros(len(model.A)), 0.0, round(200.0 / h)
+    noise = circuit.model.disturbance.kinds["noise"].make_source(circuit.model.disturbance, 1)
+    rows = settled + round(duration / h)
+    for first in range(0, rows, 4000):
+        for k, wrench in enumerate(noise(h * np.arange(first, min(first + 4000, rows))), first):
+            if k >= settled:
+                image = model.L @ state + model.E @ wrench
+                square += float(image @ image) * h / duration
+            state = model.A @ state + model.B @ wrench
+    assert 3.0 * scatter < 0.3 * expected
+    verify_claim(
+        "budget.gaussian_noise",
+        claim="RMS of the passive image point under the Gaussian noise",
+        where="`ps-fmu analyse budget`: RMS",
+        reference="the generator's noise through the plant, step by step, over 8000 s",
+        error=abs(square - expected) / scatter,
+        bound=3.0,
+        unit="standard deviations",
+    )
