@@ -246,7 +246,8 @@ def test_a_study_that_is_wrong_ends_with_its_first_cases(write_study, sweep, tmp
     code, printed, errors = sweep(study)
     assert (code, printed) == (1, "")
     assert "all 5 cases that were tried first have failed:\n  5 failed, as case 0: SlaveError: toy: " in errors
-    assert re.search("the model broke.*\nCorrect the study, and name another --output.  --resume runs the other 3", errors)
+    advice = "the model broke.*\nCorrect the study, and name another --output.  --resume runs the other 3"
+    assert re.search(advice, errors)
     assert len(read(tmp_path / "out")) == 5
     code, printed, errors = sweep(study, "--resume")
     assert code == 0, errors

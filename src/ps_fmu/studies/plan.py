@@ -120,8 +120,9 @@ def correlate(shares: Array, rank_correlation: Array) -> Array:
     own correlation is taken out of the scores, and the values of each column are put into their order (R. L. Iman,
     W. J. Conover, A distribution-free approach to inducing rank correlation among input variables, Commun. Stat. Simul.
     Comput. 11 (1982) 311-334): a Latin hypercube stays one.  Of :data:`ROUNDS` corrections of what the ranks lack the
-    nearest is taken: within 0.03 at 20 cases.  Columns without a correlation stay as they are.  What a few cases have of
-    their own stays where it cannot be taken out: they are no more than the columns, or their ranks coincide.
+    nearest is taken: within 0.03 at 20 cases.  Columns without a correlation stay as they are.  A few cases keep
+    what they have of their own where it cannot be taken out: they are no more than the columns, or their ranks
+    coincide.
     """
     from scipy.stats import norm, rankdata
 
