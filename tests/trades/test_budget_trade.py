@@ -13,6 +13,7 @@ from ps_fmu.analyses.table import AnalysisOptions
 from ps_fmu.cli import main
 from ps_fmu.cosim import read_system
 from ps_fmu.disturbance import psd_at_origin
+from ps_fmu.disturbance.recording import HEADER
 from ps_fmu.disturbance.spectrum import gaussian_density
 from ps_fmu.mechanism.signals import output_slices
 from ps_fmu.pointing import AbsoluteError, RelativeError
@@ -289,6 +290,13 @@ def test_a_quiet_system_has_a_sentence_of_its_own(systems, tmp_path):
 def test_what_has_no_budget_is_refused(systems, values, message):
     with pytest.raises(ValueError, match=message):
         budget(systems["SystemStructure"].with_parameters(values), 0)
+
+
+def test_a_recording_of_a_few_steps_is_refused(systems, tmp_path):
+    path = tmp_path / "short.csv"
+    path.write_text(f"{','.join(HEADER)}\n0,1,0,0,0,0,0\n0.001,-1,0,0,0,0,0\n")
+    with pytest.raises(BudgetError, match=r"disturbance\.recording: it lasts 0\.001 s; a budget needs 100 steps"):
+        budget(systems["SystemStructure"].with_parameters({"disturbance.recording.path": str(path)}), 0)
 
 
 def test_other_components_are_refused(systems, tmp_path):

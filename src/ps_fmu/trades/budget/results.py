@@ -49,6 +49,7 @@ _FINE, _LOWEST_DRAWN = 300, 1e-3  # bands of a cumulative curve, and where they 
 LOWEST = 1e-5  # Hz: below, responses and densities stay as they are there
 POINTS, PER_POLE = 1000, 40  # of the frequencies of a density
 _SAME = 1e-9  # of a frequency: lines that differ by less have the same
+_FEWEST = 100  # steps of a recording
 AXES = ("force x", "force y", "force z", "torque x", "torque y", "torque z")
 
 
@@ -275,7 +276,7 @@ def _list_disturbances(circuit: Circuit, signals: Sequence[str], grid: Array, po
         elif (source := kind.make_source(circuit.model.disturbance, number)) is not None:
             if not isinstance(source, Recording):
                 raise BudgetError(f"{where}: it is not stationary, and has no budget; switch it off")
-            yield _make_recording(circuit, source, signals, grid)
+            yield _make_recording(circuit, source, signals, grid, where)
     yield from _make_lines(circuit, [line for line in lines if line.wrench_B.any()], signals, grid[-1])
 
 
@@ -300,11 +301,15 @@ def _make_noise(
     return Source("noise", names, frequency, response, spectrum, lines=noise.multisine)
 
 
-def _make_recording(circuit: Circuit, recording: Recording, signals: Sequence[str], grid: Array) -> Source:
+def _make_recording(
+    circuit: Circuit, recording: Recording, signals: Sequence[str], grid: Array, where: str
+) -> Source:
     """The lines of a recording, as the steps sample it: six axes at the origin of B."""
     first, last = recording.span
     edges = np.concatenate([[0.0], np.sqrt(grid[1:] * grid[:-1]), [grid[-1]]])
     step, count = circuit.model.step, round((last - first) / circuit.model.step)
+    if count < _FEWEST:
+        raise BudgetError(f"{where}: it lasts {last - first:g} s; a budget needs {_FEWEST} steps of {step:g} s")
     frequency, spectrum = gather_lines(
         lambda rows: recording(np.asarray(first + step * rows)), count, step, edges, repeats=recording.repeats
     )
