@@ -46,6 +46,7 @@ OTHERS = "#999999"
 CASE_COLOURS = {"passive": PASSIVE, "active": ACTIVE}
 DASHES = ("-", "--", ":", "-.")  # by system
 LEAST_SHARE = 0.03  # of a resonance that is marked
+LEAST_STACK = 0.5  # %: what is smaller has no colour of its own
 LEAST_CORRELATION = 0.1  # in the table
 
 
@@ -341,7 +342,7 @@ def _choose_stacks(entries: Sequence[SignalBudget]) -> dict[str, tuple[str, ...]
         tuple(sorted(group)): max(float(_stack_bands(entry, group).sum()) for entry in entries) for group in groups
     }
     largest = sorted(share, key=lambda members: -share[members])[: len(COLOURS)]
-    return {_name_stack(members): members for members in largest}
+    return {_name_stack(members): members for members in largest if share[members] >= LEAST_STACK}
 
 
 def _name_stack(members: Sequence[str]) -> str:
