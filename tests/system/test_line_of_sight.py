@@ -1,6 +1,5 @@
-"""system/LineOfSight.ssd on the built FMUs: against one discrete system, cut open, and as a scenario."""
+"""system/LineOfSight.ssd on the built FMUs: against one discrete system, and cut open."""
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,7 +19,6 @@ from ps_fmu.runs.options import OptionError, RunOptions
 from ps_fmu.runs.run import execute
 from ps_fmu.runs.scenario import SCENARIOS
 from ps_fmu.runs.setup import load_system
-from ps_fmu.scenarios import pointing as scenario
 from ps_fmu.scenarios.pointing_loop import build_loop, make_shaking, measure_loop
 from ps_fmu.theory.line_of_sight import find_margins
 from ps_fmu.theory.loop import plant_system
@@ -126,24 +124,13 @@ def test_the_loop_cut_open_is_the_closed_form(options):
     assert found.margins.crossover_hz == pytest.approx(expected.crossover_hz, rel=1e-3)
 
 
-def test_the_scenario(options, ssv, capsys, monkeypatch):
-    """A short slew in coarse steps: the loop takes what the slew leaves, and takes it again after the loss of lock."""
-    monkeypatch.setattr(scenario, "measure_loop", lambda *args: {})  # measured above
-    given = {"commander.target.roll": 0.005, "commander.target.pitch": -0.004, "commander.min_duration": 3.0}
-    options = options(33.0, 1e-2, parameters=(ssv(given),))
-    execute(options)
-    summary = json.loads((options.output / "summary.json").read_text())["pointing"]
-    assert len(summary["locks_s"]) == 2
-    for phase in ("locked", "locked again"):
-        off, on = (np.array(summary[case][phase]["mean_rad"])[:2] for case in ("loop_off", "loop_on"))
-        assert np.abs(on).max() < 0.1 * np.abs(off).max()
-    assert all(margins["gain_db"] > 6.0 and margins["phase_deg"] > 30.0 for margins in summary["margins"])
-    text = capsys.readouterr().out
-    assert "Least margins in closed form" in text
-    assert "lock again at" in text
-    assert sorted(path.name for path in options.output.glob("*.png")) == [
-        "pointing_error.png", "pointing_loop.png", "pointing_split.png",
-    ]  # fmt: skip
+@pytest.mark.parametrize(("step_s", "sample_s"), [(3e-4, 0.01), (1e-3, 0.003)])
+def test_samples_of_the_tracker_that_do_not_fit_are_refused_before_the_runs(options, ssv, step_s, sample_s):
+    given = options(3.0, step_s, parameters=(ssv({"tracker.sample_time": sample_s}),))
+    text = rf"--step: .* \(tracker\.sample_time = {sample_s:g} s\), .*; got {step_s:g} s"
+    with pytest.raises(OptionError, match=text):
+        execute(given)
+    assert not (given.output / "results.nc").exists()
 
 
 def test_a_system_without_a_tracker_is_refused_by_name(options):

@@ -9,7 +9,7 @@ import re
 import shutil
 import unicodedata
 import zlib
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -29,14 +29,14 @@ _LONGEST = 240
 _FORBIDDEN = re.compile(r"[/\x00-\x1f\x7f]")
 
 
-def make_stored_names(names: Sequence[str], taken: Collection[str] = ("time",)) -> dict[str, str]:
+def make_stored_names(names: Sequence[str]) -> dict[str, str]:
     """Names of netCDF variables for columns of any name, each once: netCDF has no slashes nor control characters.
 
     It begins with a letter, digit or underscore, ends with no space and is in Unicode's normal form C (NetCDF Users
-    Guide, appendix B).  Long ones, as of Modelica, are cut.  None is one of those that are ``taken``.
+    Guide, appendix B).  Long ones, as of Modelica, are cut.  None is ``time``.
     """
     stored: dict[str, str] = {}
-    known = set(taken)
+    known = {"time"}
     for name in names:
         plain = unicodedata.normalize("NFC", _FORBIDDEN.sub("_", name)).rstrip()
         if not plain or (ord(plain[0]) < 128 and not (plain[0].isalnum() or plain[0] == "_")):

@@ -53,6 +53,7 @@ def find(run: Run) -> Findings:
         raise OptionError(f"--duration: expected {SHORTEST_S:g} s at least, got {options.duration_s:g} s")
     system = run.load(WHEEL)
     _check_components(system)
+    make_shaking(options.step_s, read_tracker(system).sample_time)  # refuses steps that cannot measure the loop
     given = read_target(system)
     target = given if any(given) else DEFAULT_TARGET
     plan = make_plan(system, options, target)

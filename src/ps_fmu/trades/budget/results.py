@@ -22,7 +22,7 @@ from ...disturbance.noise import NoiseSettings
 from ...disturbance.recording import Recording
 from ...disturbance.spectrum import edge_frequencies, gaussian_density, to_origin
 from ...disturbance.tones import ToneSettings
-from ...disturbance.wheels import FORCE, TORQUE, WheelSettings, wheel_plane
+from ...disturbance.wheels import FORCE, WheelSettings, WheelSource
 from ...mechanism.quantities import Array, Complex
 from ...pointing.budget import Budget, Source, UncertaintyFactors, make_budget
 from ...pointing.modal import Resonance, find_resonances
@@ -269,7 +269,7 @@ def _list_disturbances(circuit: Circuit, signals: Sequence[str], grid: Array, po
                 yield _make_noise(circuit, kind, signals, grid[-1], points)
         elif isinstance(kind, WheelSettings):
             if kind.enabled:
-                lines += _list_harmonics(kind, number, where)
+                lines += _list_harmonics(circuit, kind, number, where)
         elif isinstance(kind, ToneSettings):
             wrench = np.concatenate([kind.force_B, kind.torque_B]) * np.exp(1j * kind.phase)
             lines.append(Line(f"sine {number}", kind.frequency, wrench, "sines"))
@@ -317,26 +317,22 @@ def _make_recording(
     return Source("recording", tuple(f"recording {axis}" for axis in AXES), frequency, response, spectrum, lines=True)
 
 
-def _list_harmonics(wheel: WheelSettings, number: int, where: str) -> Iterator[Line]:
-    """The harmonics of a wheel at its speed: each a vector C W^2 that turns in the plane of the wheel."""
+def _list_harmonics(circuit: Circuit, wheel: WheelSettings, number: int, where: str) -> Iterator[Line]:
+    """The harmonics of a wheel at its speed."""
     if wheel.speed_profile:
         text = f"its speed comes from {wheel.speed_profile}; a budget needs a constant one: leave speed_profile empty"
         raise BudgetError(f"{where}: {text}")
     if wheel.initial_speed != wheel.final_speed:
         speeds = f"{wheel.initial_speed:g} to {wheel.final_speed:g} rad/s"
         raise BudgetError(f"{where}: its speed goes from {speeds}; a budget needs a constant one: set both alike")
-    speed = abs(wheel.initial_speed)
-    one_B, other_B = wheel_plane(wheel.spin_axis_B)
-    # The real part of turning exp(i speed t) turns; the other way round for a negative speed.
-    turning = one_B - 1j * np.copysign(1.0, wheel.initial_speed) * other_B
-    at_origin = to_origin(wheel.position_B)
-    for place, kind, harmonics in ((0, "force", FORCE), (3, "torque", TORQUE)):
-        for order, coefficient in zip(harmonics.orders, harmonics.coefficients, strict=True):
-            wrench = np.zeros(6, dtype=complex)
-            wrench[place : place + 3] = wheel.scale * coefficient * speed**2 * turning
-            frequency = order * speed / (2.0 * np.pi)
-            name = f"wheel {number} {kind} {order:g}"
-            yield Line(name, frequency, np.asarray(at_origin @ wrench), name)
+    source = wheel.make_source(circuit.model.disturbance, number)
+    assert isinstance(source, WheelSource)
+    amplitudes = source.amplitudes(wheel.initial_speed)
+    for k, order in enumerate(source.orders.tolist()):
+        name = f"wheel {number} {'force' if k < len(FORCE.orders) else 'torque'} {order:g}"
+        # The real part of the amplitude times exp(i speed t) turns; the other way round for a negative speed.
+        wrench = amplitudes[k] if wheel.initial_speed > 0.0 else amplitudes[k].conj()
+        yield Line(name, order * abs(wheel.initial_speed) / (2.0 * np.pi), wrench, name)
 
 
 def _make_lines(

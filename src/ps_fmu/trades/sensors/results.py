@@ -130,8 +130,9 @@ def read_class(parameters: Path, name: str) -> tuple[InertialSensors, dict[str, 
 
 def needed_density(trade: Trade, crossover: float | None, goal: float) -> float | None:
     """Largest noise density, m/s2/sqrt(Hz), at which the best corner is within a goal, rad; None: none of them."""
-    within = trade.white[crossover].with_density(DENSITIES).min(axis=1) <= goal
-    return float(DENSITIES[within][-1]) if within.any() else None
+    white = trade.white[crossover]
+    left = goal**2 - white.disturbance - white.tracker  # for the variance by the sensors, at each corner
+    return float(np.sqrt((left / white.sensors).max())) if (left > 0.0).any() else None
 
 
 def _compute_class(
