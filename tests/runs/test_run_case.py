@@ -12,7 +12,8 @@ from support.claims import verify_claim
 import ps_fmu
 from ps_fmu.cosim import Column, SlaveError, SystemFileError, UsageError
 from ps_fmu.cosim.master import BLOCK_ROWS
-from ps_fmu.runs.cases import Bounds, Case, Divergence, run_case, show_progress
+from ps_fmu.runs.cases import Case, run_case, show_progress
+from ps_fmu.runs.divergence import Bounds, Divergence
 from ps_fmu.runs.options import RunOptions
 from ps_fmu.runs.setup import load_system
 from ps_fmu.scenarios.jitter_record import ROTATION, JitterRecord

@@ -11,13 +11,13 @@ from support.claims import verify_claim
 
 from ps_fmu.cosim import Master, read_parameters, read_system
 from ps_fmu.disturbance.recording import HEADER
+from ps_fmu.interface.linear_system import Circuit, read_model
 from ps_fmu.mechanism.signals import output_slices
 from ps_fmu.pointing import AbsoluteError, RelativeError
 from ps_fmu.pointing.budget import make_budget
 from ps_fmu.results.observers.sampler import SampleObserver
 from ps_fmu.theory.sampled import step_loop
 from ps_fmu.trades.budget.results import find_edges, list_sources, select_signals
-from ps_fmu.trades.budget.system_model import Circuit, read_model
 
 SYSTEM = Path(__file__).parents[2] / "system"
 STEP, ROW = 1e-4, 1e-3  # s: of communication, between the rows that are kept

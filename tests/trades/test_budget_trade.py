@@ -15,12 +15,14 @@ from ps_fmu.cosim import read_system
 from ps_fmu.disturbance import psd_at_origin
 from ps_fmu.disturbance.recording import HEADER
 from ps_fmu.disturbance.spectrum import gaussian_density
+from ps_fmu.interface.linear_system import SOURCE, Circuit, LinearModelError, read_model
 from ps_fmu.mechanism.signals import output_slices
 from ps_fmu.pointing import AbsoluteError, RelativeError
 from ps_fmu.pointing.budget import UncertaintyFactors, make_budget
 from ps_fmu.theory.sampled import step_loop
 from ps_fmu.trades.budget import report
 from ps_fmu.trades.budget.results import (
+    BudgetError,
     compute_budgets,
     find_edges,
     list_sources,
@@ -28,7 +30,6 @@ from ps_fmu.trades.budget.results import (
     read_factors,
     select_signals,
 )
-from ps_fmu.trades.budget.system_model import SOURCE, BudgetError, Circuit, read_model
 
 SYSTEM = Path(__file__).parents[2] / "system"
 ROTATION = tuple(f"payload_rotation.{axis}" for axis in "xyz")
@@ -302,13 +303,13 @@ def test_a_recording_of_a_few_steps_is_refused(systems, tmp_path):
 def test_other_components_are_refused(systems, tmp_path):
     system = systems["SystemStructure"]
     components = system.components[:1] + system.components[2:]
-    with pytest.raises(BudgetError, match="a budget needs the FMU PointingCommander"):
+    with pytest.raises(LinearModelError, match="the closed form needs the FMU PointingCommander"):
         read_model(replace(system, components=components))
     second = replace(system.components[0], name="second")
-    with pytest.raises(BudgetError, match="a budget is of one DisturbanceSource, there are 2"):
+    with pytest.raises(LinearModelError, match="the closed form is of one DisturbanceSource, there are 2"):
         read_model(replace(system, components=(*system.components, second)))
     other = replace(system.components[0], source=tmp_path / "Pump.fmu")
-    with pytest.raises(BudgetError, match="disturbance: there is no closed form of the FMU Pump"):
+    with pytest.raises(LinearModelError, match="disturbance: there is no closed form of the FMU Pump"):
         read_model(replace(system, components=(other, *system.components[1:])))
 
 

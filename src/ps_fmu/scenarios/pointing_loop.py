@@ -25,6 +25,7 @@ from ..runs.setup import RunSystem
 from ..sensors.line_of_sight import DEFAULT_TRACKER, Tracker
 from ..theory.line_of_sight import AXES, AxisMargins, PointingLoop, Timing, margins_of
 from ..theory.loop import loop_of
+from ..theory.sampled import LOOP_DELAY
 from .shaking import Shaking, measure_response
 
 SHAKEN, EYE = "shaken", "eye"
@@ -80,7 +81,7 @@ def build_loop(system: RunSystem, orientation: Array, step_s: float) -> Pointing
     # between plant and isolator adds a step.
     between = 0 if any(c.source.component == "plant" for c in structure.connections if _is_isolator(c.target)) else 1
     latency = system.get_number("sensors.latency") if between and "latency" in _names(system, "sensors") else 0.0
-    exchange = max(latency, between * step_s) + 1.5 * step_s
+    exchange = max(latency, between * step_s) + LOOP_DELAY * step_s
     loop = loop_of(plant, isolator, orientation, system.get_number("isolator.delay") + exchange)
     timing = Timing(
         sample_time=tracker.sample_time,

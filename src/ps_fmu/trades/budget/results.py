@@ -23,6 +23,17 @@ from ...disturbance.recording import Recording
 from ...disturbance.spectrum import edge_frequencies, gaussian_density, to_origin
 from ...disturbance.tones import ToneSettings
 from ...disturbance.wheels import FORCE, WheelSettings, WheelSource
+from ...interface.linear_system import (
+    COILS,
+    OUTPUT_NAMES,
+    PLANT,
+    SENSORS,
+    SOURCE,
+    TRACKER,
+    Circuit,
+    SystemModel,
+    read_model,
+)
 from ...mechanism.quantities import Array, Complex
 from ...pointing.budget import Budget, Source, UncertaintyFactors, make_budget
 from ...pointing.modal import Resonance, find_resonances
@@ -30,18 +41,6 @@ from ...pointing.spectra import gather_lines
 from ...requirements.requirement import PEAK, RMS, Requirement, Target, find_targets, read_requirements
 from ...runs.setup import RunSystem
 from ...theory.transfer_matrices import place_frequencies
-from .system_model import (
-    COILS,
-    OUTPUT_NAMES,
-    PLANT,
-    SENSORS,
-    SOURCE,
-    TRACKER,
-    BudgetError,
-    Circuit,
-    SystemModel,
-    read_model,
-)
 
 CASES = {"passive": False, "active": True}
 BANDS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0)  # Hz, edges between bands
@@ -51,6 +50,10 @@ POINTS, PER_POLE = 1000, 40  # of the frequencies of a density
 _SAME = 1e-9  # of a frequency: lines that differ by less have the same
 _FEWEST = 100  # steps of a recording
 AXES = ("force x", "force y", "force z", "torque x", "torque y", "torque z")
+
+
+class BudgetError(ValueError):
+    """A source that has no budget; the text says which, and what to do."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,7 +186,8 @@ def compute_budgets(
 ) -> Iterator[SignalBudget]:
     """The budgets of all targets, passive and then active.
 
-    ``points``: frequencies of a density besides those around the poles.  Raises ``BudgetError``, ``ParameterError``.
+    ``points``: frequencies of a density besides those around the poles.  Raises ``BudgetError``, ``LinearModelError``,
+    ``ParameterError``.
     """
     model = read_model(system)
     signals = tuple(dict.fromkeys(name for each in wanted for name in each.signals))
