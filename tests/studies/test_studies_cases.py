@@ -30,7 +30,8 @@ GAIN = {"toy.gain": 1.5}
 
 def test_an_output_of_this_name_is_no_vector():
     """As in requirements; a vector without its ``.x`` or ``_1`` has its components."""
-    columns = [Column(f"a.{name}", "m/s", "Real", "") for name in ("speed", "speed_2", "leg_1", "leg_2", "v.x", "v.y")]
+    names = ["speed", "speed_2", "leg_1", "leg_2", "v.x", "v.y", "leg_1_late", "v.x.y"]
+    columns = [Column(f"a.{name}", "m/s", "Real", "") for name in names]
     assert find_signals(Observed(signal=Names(["a.speed"])), columns) == {"a.speed": 0}
     assert find_signals(Observed(signal=Names(["a.leg", "a.v"])), columns) == {
         "a.leg_1": 2, "a.leg_2": 3, "a.v.x": 4, "a.v.y": 5
