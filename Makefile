@@ -25,7 +25,8 @@ test: lint fmus  ## what the continuous integration runs, on all processors; ARG
 
 soak: fmus  ## the tests that calls, kills, load orders and compilers make stronger, with many more of them: hours
 	PS_FMU_SOAK=1 $(BIN)/python -m pytest tests/host/test_calls.py tests/host/test_system.py tests/fmus/test_same_bits.py \
-		tests/runs/test_resume.py tests/studies/test_studies_sweep.py tests/native/test_native.py $(ARGS)
+		tests/runs/test_resume.py tests/studies/test_studies_sweep.py tests/native/test_native.py \
+		tests/trades/test_budget_runs.py $(ARGS)
 
 docs: fmus  ## the documentation as a site in build/docs; opens without a network
 	$(BIN)/python docs/site/build.py $(ARGS)
@@ -67,10 +68,10 @@ multibody: .venv/.installed  ## the plant against an independent multibody proto
 verify: fmus  ## the tests that hold a claim of the product; writes docs/verification.md of what they found
 	$(BIN)/python docs/write_verification.py $(or $(ARGS),-n auto)
 
-bench: fmus  ## what things cost; fails if a limit is missed
+bench: fmus  ## what things cost, on a quiet machine; writes docs/speed.md, fails if a limit is missed
 	@missed=0; for script in step_cost start scaling study features real_time; do \
-		echo "--- $$script"; $(BIN)/python benchmarks/$$script.py $(ARGS) || missed=1; \
-	done; exit $$missed
+		echo "--- $$script"; $(BIN)/python benchmarks/$$script.py $(or $(ARGS),--record) || missed=1; \
+	done; $(BIN)/python docs/write_speed.py && exit $$missed
 
 lint: .venv/.installed
 	$(BIN)/ruff check .

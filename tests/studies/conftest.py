@@ -160,7 +160,7 @@ def address(tmp_path_factory):
 
 
 @pytest.fixture
-def hand_started(tmp_path):
-    """Arguments for a scheduler with two workers, each started by its command, and the processes."""
-    with start_by_hand(tmp_path) as (address, processes):
-        yield ("--scheduler", address, "--scheduler-timeout", f"{PATIENCE_S:g}"), processes
+def by_hand(tmp_path):
+    """Address and process of a scheduler, which has a worker; both are started by their commands."""
+    with start_by_hand(tmp_path, 1) as (address, (process, _)):
+        yield address, process

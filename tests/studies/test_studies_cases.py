@@ -186,14 +186,14 @@ def test_a_case_that_breaks_has_a_row_and_its_neighbours_are_computed(run_cases)
 
 
 def test_a_case_that_hangs_is_ended(run_cases):
-    rows = run_cases([GAIN, {**GAIN, "toy.mode": "hang"}, GAIN], timeout_s=5.0)
+    rows = run_cases([GAIN, {**GAIN, "toy.mode": "hang"}, GAIN], timeout_s=2.0)
     assert [row["status"] for row in rows] == [DONE, LATE, DONE]
 
 
 def test_a_case_that_takes_all_memory_is_ended(run_cases):
-    rows = run_cases([GAIN, {**GAIN, "toy.mode": "eat"}, GAIN], memory_bytes=1_000_000_000)
+    rows = run_cases([GAIN, {**GAIN, "toy.mode": "eat"}, GAIN], memory_bytes=500_000_000)
     assert [row["status"] for row in rows] == [DONE, KILLED, DONE]
-    assert "more than the 1000 MB of memory" in rows[1]["error"]
+    assert "more than the 500 MB of memory" in rows[1]["error"]
 
 
 def test_a_process_that_somebody_else_ends_does_not_cost_the_case(folder, run_cases, tmp_path):
@@ -259,7 +259,7 @@ def isolate(unpack):
     made = []
 
     def make(*more):
-        made.append(CaseProcess(unpack("isolate = true", *more), memory_bytes=1_000_000_000, isolates=True))
+        made.append(CaseProcess(unpack("isolate = true", *more), memory_bytes=500_000_000, isolates=True))
         return made[-1]
 
     yield make
@@ -293,10 +293,10 @@ def test_a_case_says_when_its_fmu_ended_and_the_process_of_the_cases_stays(isola
 
 
 def test_the_memory_of_the_fmus_counts(isolate):
-    # The time-out cannot come first: on a busy machine an FMU takes seconds to fill 1 GB.
+    # The time-out cannot come first: on a busy machine an FMU takes seconds to fill memory.
     rows = list(isolate('step_timeout = "1000 s"').run(enumerate([GAIN, {**GAIN, "toy.mode": "eat"}, GAIN])))
     assert [row["status"] for row in rows] == [DONE, KILLED, DONE]
-    assert "more than the 1000 MB of memory" in rows[1]["error"]
+    assert "more than the 500 MB of memory" in rows[1]["error"]
 
 
 def test_the_choice_travels_with_the_study(unpack):

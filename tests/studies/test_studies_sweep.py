@@ -4,6 +4,7 @@
 """
 
 import json
+import math
 import os
 import random
 import re
@@ -11,25 +12,29 @@ import signal
 import subprocess
 import sys
 from functools import cache
+from itertools import zip_longest
 from pathlib import Path
 
 import netCDF4
+import numpy as np
 import psutil
 import pyarrow.parquet as pq
 import pytest
 from support.archives import put, rewrite
+from support.claims import verify_claim
 from support.processes import PATIENCE_S, end_with_children, read_command, wait_until
 
 from ps_fmu.cli import main
 from ps_fmu.studies.case_runner import CaseRunner
 from ps_fmu.studies.rows import DONE, FAILED, FILE, KILLED, MEASURED, RowStore
 
-from .conftest import OBSERVE, STUDY, list_missing
+from .conftest import OBSERVE, STUDY, list_missing, start_by_hand
 
 SOAK = bool(os.environ.get("PS_FMU_SOAK"))
 KILLS = 10 if SOAK else 1
 SLOW = '[[vary]]\nparameter = "slowness"\ndistribution = "uniform"\nlow = "1e-3"\nhigh = "2e-3"\n'
 MANY = {"cases = 6": "cases = 12", "[[observe]]": SLOW + "[[observe]]"}
+PATIENT = ("--scheduler-timeout", f"{PATIENCE_S:g}")
 HELD = 20  # cases of a study that is disturbed
 LARGE, DISTURBANCES = (10_000, 9) if SOAK else (200, 3)
 """Cases of a study whose workers and cases end, at about one in a minute under ``make soak``; how many do."""
@@ -73,6 +78,11 @@ def open_store(folder):
 def read(folder):
     """Rows of a study but for what was measured."""
     return [{name: value for name, value in row.items() if name not in MEASURED} for row in open_store(folder).read()]
+
+
+def count_others(rows, expected):
+    """How many of two lists of rows are not the same."""
+    return sum(one != other for one, other in zip_longest(rows, expected))
 
 
 @pytest.fixture(scope="session")
@@ -156,7 +166,26 @@ def test_a_study_on_this_machine_says_what_it_says(write_study, make_prepared, s
     assert table.schema.field("toy.gain").metadata == {b"unit": b"1"}
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert summary["statuses"] == {"done": 6}
-    assert summary["outputs"]["active.toy.error.x.APE.rms"]["cases"] == 6
+    off = []
+    for name, found in summary["outputs"].items():
+        own = np.sort(np.array(table[name], dtype=float))
+        assert (found["cases"], len(own)) == (6, 6)
+        statistics = (own.mean(), own.std(ddof=1), own[0], own[-1])
+        truth = dict(zip(("mean", "std", "least", "largest"), statistics, strict=True))
+        off += [abs(found[key] - value) / own[-1] for key, value in truth.items()]
+        ranks = [own[math.ceil(one["probability"] * 6) - 1] for one in found["percentiles"]]
+        off += [abs(one["value"] / value - 1.0) for one, value in zip(found["percentiles"], ranks, strict=True)]
+    worst = next(name for name in summary["outputs"] if name.endswith(".rms"))
+    assert [one["case"] for one in summary["worst"]] == np.argsort(-np.array(table[worst], dtype=float))[:5].tolist()
+    assert all(f"--case {one['case']} " in one["command"] for one in summary["worst"]) and summary["failed"] == []
+    verify_claim(
+        "study.summary",
+        claim="Mean, deviation, percentiles, least and largest value of each output; the worst cases",
+        where="`ps-fmu sweep`: terminal, study page, summary.json",
+        reference="numpy and ranks on the columns of study.parquet",
+        error=max(off),
+        bound=1e-12,
+    )
 
     code, _, errors = sweep(study)
     assert code == 2
@@ -187,15 +216,22 @@ def test_a_case_again_has_the_same_bits_and_all_signals(write_study, sweep, tmp_
     assert "has the cases 0 to 5, got 6" in errors
 
 
-def test_workers_started_by_hand_give_identical_rows(
-    write_study, make_prepared, sweep, undisturbed, hand_started, tmp_path
-):
-    scheduler, _ = hand_started
-    code, _, errors = sweep(write_study(changes=MANY), *scheduler)
+def test_workers_started_by_hand_give_identical_rows(write_study, make_prepared, sweep, undisturbed, tmp_path):
+    with start_by_hand(tmp_path) as (address, _):
+        code, _, errors = sweep(write_study(changes=MANY), "--scheduler", address, *PATIENT)
     assert code == 0, errors
-    assert read(tmp_path / "out") == undisturbed(make_prepared(changes=MANY), tmp_path)
+    rows, expected = read(tmp_path / "out"), undisturbed(make_prepared(changes=MANY), tmp_path)
     workers = set(pq.read_table(tmp_path / "out" / "study.parquet")["worker"].to_pylist())
     assert {worker.split("@")[0] for worker in workers} == {"node1", "node2"}
+    verify_claim(
+        "study.rows_of_a_cluster",
+        claim="Rows of a study on workers of a dask scheduler",
+        where="study.parquet, and all that a study says",
+        reference="the same cases in one process on the same machine",
+        error=count_others(rows, expected),
+        bound=0.0,
+        unit="rows that differ",
+    )
 
 
 def test_cases_that_kill_their_process_do_not_take_others_along(write_study, sweep, tmp_path):
@@ -208,15 +244,26 @@ def test_cases_that_kill_their_process_do_not_take_others_along(write_study, swe
     expected = {"none": DONE, "exit": KILLED, "crash": KILLED, "raise": "failed"}
     assert [row["status"] for row in rows] == [expected[mode] for mode in modes]
     assert "4 cases have no result" in printed
-    assert re.search("  2 failed, as case 3: SlaveError: toy: .*the model broke.*\n", printed)
     assert "signal SIGSEGV" in printed
+    reasons = re.findall(r"  (\d) (failed|killed its process), as case (\d): .*(model broke|code 3|SIGSEGV)", printed)
+    expected = {("2", "failed", "3", "model broke"), ("1", KILLED, "0", "code 3"), ("1", KILLED, "2", "SIGSEGV")}
+    verify_claim(
+        "study.reasons_of_failures",
+        claim="Status of each case, and why cases have no result, with counts",
+        where="`ps-fmu sweep`: warnings on terminal and study page, table of cases without a result",
+        reference="cases that are made to raise, to exit and to crash, among others that run",
+        error=len(expected ^ set(reasons)),
+        bound=0.0,
+        unit="reasons that differ",
+    )
 
 
 def test_a_study_outlives_its_workers_and_cases(make_prepared, write_study, start, undisturbed, hold, tmp_path):
     """Of which one in a hundred fails: the rows are those of a study that nobody disturbs."""
-    gains = sorted(make_prepared(changes={"cases = 6": f"cases = {LARGE}"}).plan.draws[:, 0].tolist())
-    failing = f'"toy.mode" = "raise"\n"toy.limit" = {gains[-LARGE // 100 - 1]!r}'
-    text, gate = hold(LARGE, failing, SLOW if SOAK else "")
+    slow = SLOW if SOAK else ""
+    plan = make_prepared(STUDY.replace("cases = 6", f"cases = {LARGE}") + slow + OBSERVE).plan
+    failing = f'"toy.mode" = "raise"\n"toy.limit" = {sorted(plan.draws[:, 0].tolist())[-LARGE // 100 - 1]!r}'
+    text, gate = hold(LARGE, failing, slow)
     prepared, folder, rng = make_prepared(text), tmp_path / "out", random.Random(1)
     process = start(write_study(text), "--workers", "2")
     for number in range(DISTURBANCES):
@@ -234,9 +281,17 @@ def test_a_study_outlives_its_workers_and_cases(make_prepared, write_study, star
     gate.unlink()
     _, errors = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 0, errors
-    rows = read(folder)
+    rows, expected = read(folder), undisturbed(prepared, tmp_path)
     assert [row["status"] for row in rows].count(FAILED) == LARGE // 100
-    assert rows == undisturbed(prepared, tmp_path)
+    verify_claim(
+        "study.rows_of_a_disturbed_study",
+        claim="Rows of a study on several processors, whose workers and processes end in the middle of cases",
+        where="study.parquet, and all that a study says",
+        reference="the same cases one after another in one process, where nothing ends",
+        error=count_others(rows, expected),
+        bound=0.0,
+        unit="rows that differ",
+    )
 
 
 def test_a_study_that_is_wrong_ends_with_its_first_cases(write_study, sweep, tmp_path):
@@ -287,15 +342,15 @@ def test_a_study_that_is_ended_is_resumed(
 
 @pytest.mark.parametrize("kill", range(KILLS))
 def test_a_study_that_loses_its_scheduler_is_resumed_elsewhere(
-    write_study, make_prepared, start, sweep, undisturbed, hand_started, hold, tmp_path, kill
+    write_study, make_prepared, start, sweep, undisturbed, by_hand, hold, tmp_path, kill
 ):
-    scheduler, processes = hand_started
+    address, scheduler = by_hand
     text, gate = hold()
     study, folder = write_study(text), tmp_path / "out"
-    process = start(study, *scheduler)
+    process = start(study, "--scheduler", address, *PATIENT)
     wait_until(lambda: count_stored(folder) > kill or process.poll() is not None)
     assert process.poll() is None, process.communicate()
-    end_with_children(processes[0])
+    end_with_children(scheduler)
     gate.unlink()
     _, errors = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 1

@@ -206,6 +206,7 @@ class Dispatcher:
         """Addresses of workers: of those that are not heard of, and of those that have the right packages."""
         self._idle_since: float | None = None
         """Since when there has been no worker."""
+        self._idle_said = False
 
     def find_dashboard(self) -> str | None:
         """Address of dask's dashboard; None where bokeh, which draws it, is not installed.
@@ -347,7 +348,13 @@ class Dispatcher:
         now = time.monotonic()
         self._next_look = now + WATCH_S
         self._idle_since = None if self._threads else self._idle_since or now
-        if self._idle_since is not None and now - self._idle_since > NO_WORKER_S:
+        idle_s = 0.0 if self._idle_since is None else now - self._idle_since
+        if idle_s < SILENT_S:
+            self._idle_said = False
+        elif not self._idle_said:
+            self._idle_said = True
+            _say(f"the scheduler {self._address} has no worker: the study ends if none comes within {NO_WORKER_S:g} s")
+        if idle_s > NO_WORKER_S:
             raise ClusterError(
                 f"the scheduler {self._address} has had no worker for {NO_WORKER_S:g} s: start some, or see "
                 "in their logs why they have ended"
