@@ -106,3 +106,7 @@ def test_a_test_that_passes_has_recorded_what_it_claims(claims, tmp_path, monkey
 )
 def test_errors_are_rounded_up(script, error, shown):
     assert script.round_up(error, 0.05) == shown
+
+
+def test_each_kind_of_answer_has_claims(script):
+    assert {name.split(".")[0] for name in find_claims()} == script.SECTIONS.keys()

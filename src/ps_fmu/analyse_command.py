@@ -92,7 +92,9 @@ def _analyse(analysis: Analysis, arguments: argparse.Namespace, output: Path) ->
         check_sources(system)
     claim_folder(output)
     progress = sys.stderr is not None and sys.stderr.isatty()
-    result = analysis.load()(_read_options(arguments, output, fmus, system, progress))
+    options = _read_options(arguments, output, fmus, system, progress)
+    own = bool(options.parameters) or system.resolve() != (product.system / analysis.system).resolve()
+    result = analysis.load(own=own)(options)
     result.write(output)
     return result
 

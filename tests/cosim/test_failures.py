@@ -3,22 +3,24 @@
 Statuses that a pythonfmu slave cannot return safely come from a stand-in for the library function.
 """
 
+import ctypes
 import logging
 import os
 import re
 import signal
 import subprocess
 import sys
+import tempfile
 import textwrap
 from pathlib import Path
 
 import numpy as np
 import pytest
-from fmpy.fmi2 import fmi2CallbackLoggerTYPE
+from fmpy.fmi2 import FMU2Slave, fmi2CallbackLoggerTYPE
 from support import archives
 from support.archives import drop, put
 
-from ps_fmu.cosim import Master, RecorderError, SlaveError
+from ps_fmu.cosim import Master, RecorderError, SlaveError, SystemFileError
 from ps_fmu.cosim.fmu_instance import FmuInstance, InstancePhase
 from ps_fmu.cosim.messages import KEPT, REMEMBERED, MessageLog, forget, listen
 
@@ -254,10 +256,6 @@ def test_a_failing_initialisation_frees_what_was_loaded(make_system, answer, mon
 
 
 def test_an_fmu_that_cannot_be_instantiated_or_loaded(make_system, rewrite, toys, monkeypatch):
-    from fmpy.fmi2 import FMU2Slave
-
-    from ps_fmu.cosim import SystemFileError
-
     identifier = {'modelIdentifier="ToyGain"': 'modelIdentifier="Nothing"'}
     system = make_system({"gain": "ToyGain"}, [], rewrite(toys / "ToyGain.fmu", identifier).parent)
     directory = os.getcwd()
@@ -285,18 +283,12 @@ def test_an_fmu_that_cannot_be_instantiated_or_loaded(make_system, rewrite, toys
 )
 def test_a_plain_pythonfmu_fmu_that_is_not_complete_is_refused(make_system, toys, tmp_path, member, content, reason):
     """Its library would end this process with SIGSEGV."""
-    from ps_fmu.cosim import SystemFileError
-
     archives.rewrite(toys / "ToyGain.fmu", tmp_path, drop(member) if content is None else put(member, content))
     with pytest.raises(SystemFileError, match=re.escape(reason)):
         Master(make_system({"gain": "ToyGain"}, [], tmp_path), H).initialise()
 
 
 def test_a_temporary_folder_that_fmus_cannot_read_is_refused(make_system, tmp_path, monkeypatch):
-    import tempfile
-
-    from ps_fmu.cosim import SystemFileError
-
     folder = tmp_path / "größe"
     folder.mkdir()
     monkeypatch.setattr(tempfile, "tempdir", str(folder))
@@ -361,6 +353,4 @@ def test_each_instance_is_heard_and_others_go_to_fmpy(capfd):
 
 
 def ctypes_address(function):
-    import ctypes
-
     return ctypes.cast(function, ctypes.c_void_p).value

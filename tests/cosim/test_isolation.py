@@ -19,7 +19,7 @@ from support.processes import wait_until
 
 from ps_fmu.cosim import Master, SlaveError, UsageError, read_system
 from ps_fmu.cosim.fmu_instance import InstancePhase
-from ps_fmu.cosim.isolation.instance import IsolatedInstance, Isolation, add_isolation_options, read_isolation
+from ps_fmu.cosim.isolation.instance import IsolatedInstance, Isolation, add_isolation_options, make_isolation
 
 ROOT = Path(__file__).parents[2]
 H = 0.01
@@ -179,7 +179,8 @@ def test_processes_end_with_a_master_that_is_killed(tmp_path, make_system):
 def parse(*arguments):
     parser = argparse.ArgumentParser()
     add_isolation_options(parser)
-    return read_isolation(parser.parse_args(arguments))
+    given = parser.parse_args(arguments)
+    return make_isolation(given.isolate or given.isolate_only, given.step_timeout, given.call_timeout)
 
 
 def test_options():

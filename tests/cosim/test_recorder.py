@@ -1,8 +1,6 @@
 """Results on disk: content, and the filters before thinning."""
 
 import resource
-import subprocess
-import sys
 
 import netCDF4
 import numpy as np
@@ -234,36 +232,6 @@ def test_the_cut_into_blocks_does_not_matter():
     assert len(Decimator(7, filtered).finish()) == 0
 
 
-def test_decimation_by_a_large_factor_is_done_in_stages():
-    """Every second of a run at 1e-4 s: one filter would hold 520 000 rows of all columns."""
-    factor, n = 10_000, 400_000
-    time = np.arange(n) / factor  # in stored rows
-    signal = np.sin(2 * np.pi * 0.3 * time) + np.sin(2 * np.pi * 0.7 * time)  # the second one is above Nyquist
-    rows = np.column_stack([time, signal])
-    decimator = Decimator(factor, np.array([False, True]))
-    found = np.concatenate([*(decimator.push(block) for block in np.split(rows, 400)), decimator.finish()])
-    np.testing.assert_allclose(found[:, 0], np.arange(40), atol=1e-12)
-    inside = slice(5, -5)  # the ends feel that the signal is held there
-    np.testing.assert_allclose(found[inside, 1], np.sin(2 * np.pi * 0.3 * found[inside, 0]), atol=0.02)
-
-
-def test_a_file_that_is_open_takes_several_runs_and_stays_open(path):
-    path.parent.mkdir()
-    values = rows(700)
-    with netCDF4.Dataset(path, "w") as file:
-        for run in ("passive", "active"):
-            with Recorder(path, run, columns=COLUMNS, step=0.1, append=True, file=file) as recorder:
-                feed(recorder, values, 0.1)
-            assert file.isopen()
-            on_disk = subprocess.run([sys.executable, "-c", READ, path], capture_output=True, text=True, check=True)
-            assert on_disk.stdout.split() == [run, "700"]
-        with pytest.raises(RecorderError, match="is closed"):
-            feed(recorder, values)
-    with netCDF4.Dataset(path) as data:
-        for run in ("passive", "active"):
-            np.testing.assert_array_equal(data[run]["plant.angle"][:], values[:, 3])
-
-
 def test_memory_does_not_grow_with_the_rows(path):
     columns = [Column(f"plant.y_{i}", "m", "Real", "") for i in range(60)]
     block = np.random.default_rng(1).standard_normal((1000, 60))  # 0.5 MB
@@ -305,16 +273,6 @@ def test_arguments_are_checked(path):
     recorder.close()
     with pytest.raises(RecorderError, match="is closed"):
         feed(recorder, rows(1))
-
-
-READ = """
-import os, sys
-os.environ["HDF5_USE_FILE_LOCKING"] = "FALSE"  # another process writes it
-import netCDF4
-with netCDF4.Dataset(sys.argv[1]) as file:
-    run = list(file.groups)[-1]
-    print(run, len(file[run]["time"]))
-"""
 
 
 @pytest.mark.parametrize("factor", [2, 5, 10])

@@ -5,6 +5,7 @@ import shutil
 
 import numpy as np
 import pytest
+from support.cosim import Collect
 from support.faults import write
 from support.relays import description, make_relay, port, relay, system, wire
 
@@ -91,8 +92,6 @@ def test_a_value_that_is_set_takes_the_place_of_the_file(folder, collect, begin)
 
 
 def test_a_reset_gives_the_same_rows(folder, collect):
-    from support.cosim import Collect
-
     again = Collect()
     with Master(read_system(folder), H, inputs=signals(folder, CSV)) as master:
         for observer in (collect, again):

@@ -287,8 +287,6 @@ def test_files_that_are_refused(tmp_path):
 
 
 def test_a_unit_that_is_not_that_of_the_fmu_is_refused(make_system, rewrite, toys, tmp_path):
-    from ps_fmu.cosim import Master, WiringError
-
     units = '<UnitDefinitions><Unit name="kg"/></UnitDefinitions><LogCategories>'
     old = '<Real start="2"'
     fmu = rewrite(toys / "ToyMass.fmu", {"<LogCategories>": units, old: f'{old} unit="kg"'})

@@ -7,7 +7,7 @@ import zipfile
 import pytest
 from support.relays import LINEAR, TABLE, description, make_chain, port, relay, system, wire
 
-from ps_fmu.cosim import Master, SystemFileError, UsageError, read_system
+from ps_fmu.cosim import Master, SlaveError, SystemFileError, UsageError, read_system
 
 H = 0.1
 
@@ -127,8 +127,6 @@ def test_components_of_any_name(open_text, collect):
 
 
 def test_a_value_that_is_not_finite_names_its_component(open_text, collect):
-    from ps_fmu.cosim import SlaveError
-
     tree = open_text(description(system(relay("my relay"))))
     with Master(tree.with_parameters({"my relay.gain": 1e308}), H) as master:
         master.initialise()

@@ -10,7 +10,7 @@ from support.slew_cases import CASES, EVERY, STEP, load_reference
 from support.twins import InFmpy
 
 from ps_fmu.mechanism.momentum import Balance, count_balance
-from ps_fmu.mechanism.rotations import conjugate, from_rotation_vector, multiply
+from ps_fmu.mechanism.rotations import from_rotation_vector, multiply
 from ps_fmu.mechanism.signals import N_EXTERNAL, N_OUTPUTS, TIME, output_slices
 
 PLACE = output_slices()
@@ -22,7 +22,7 @@ FINE_STEP = 1e-4  # s
 
 def turn_between(p, q):
     """Small rotations (n, 3), rad, between attitudes (n, 4)."""
-    return 2.0 * multiply(conjugate(p), q / np.linalg.norm(q, axis=1)[:, None])[:, 1:]
+    return 2.0 * multiply(p * [1.0, -1.0, -1.0, -1.0], q / np.linalg.norm(q, axis=1)[:, None])[:, 1:]
 
 
 @pytest.fixture(scope="module")

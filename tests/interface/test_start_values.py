@@ -63,8 +63,6 @@ def write(tmp_path, built_fmus):
 def test_the_physics_of_the_fmus_is_what_they_start_with(physics, built_fmus):
     """Each slave that states a physics has all its scalars as parameters, with the values of paper.toml."""
     assert set(COMPONENTS.values()) <= set(physics) <= set(MODELS)
-    from fmpy import read_model_description
-
     for model, make in physics.items():
         variables = index_variables(read_model_description(built_fmus / f"{model}.fmu"))
         for entry in list_entries(make(load())):
@@ -73,7 +71,6 @@ def test_the_physics_of_the_fmus_is_what_they_start_with(physics, built_fmus):
 
 def test_what_knows_the_plant_states_its_physics(physics, built_fmus):
     """An FMU with parameters of the plant has them from the mechanism: ps-fmu parameters has to reach them."""
-    from fmpy import read_model_description
 
     def list_quantities(model):
         found = read_model_description(built_fmus / f"{model}.fmu").modelVariables

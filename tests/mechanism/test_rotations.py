@@ -12,7 +12,6 @@ from ps_fmu.mechanism.quantities import ParameterError
 from ps_fmu.mechanism.rotations import (
     GimbalLockError,
     angular_velocity_map,
-    conjugate,
     cross,
     from_rotation_matrix,
     from_rotation_vector,
@@ -160,7 +159,7 @@ def test_products_turn_one_after_the_other() -> None:
     p, q = from_rotation_vector(TURNS[:20]), from_rotation_vector(TURNS[20:])
     together = to_rotation_matrix(multiply(p, q))
     np.testing.assert_allclose(together, to_rotation_matrix(p) @ to_rotation_matrix(q), rtol=0.0, atol=1e-14)
-    back = multiply(conjugate(p), p)
+    back = multiply(p * [1.0, -1.0, -1.0, -1.0], p)
     np.testing.assert_allclose(back, np.tile([1.0, 0.0, 0.0, 0.0], (20, 1)), rtol=0.0, atol=1e-15)
 
 

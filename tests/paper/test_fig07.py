@@ -68,9 +68,9 @@ def test_the_platform_points_at_its_targets(built_fmus, tmp_path, monkeypatch):
     found = {finding.key: finding for finding in result.findings}
     verify_claim(
         "paper.limits",
-        claim="Largest roll, pitch and yaw, each alone",
+        claim="Limits of roll, pitch and yaw that the FMUs reach",
         where="`ps-fmu analyse trajectories`, `workspace`: terminal, report",
-        reference="the plant and the commander driven there, against the paper's Table 1",
+        reference="Table 1 of the paper; plant and commander are driven there",
         error=[abs(found[key].cosimulated - published_numbers()[key].value) for key in LIMITS],
         bound=1e-4,
         unit="deg",

@@ -75,7 +75,7 @@ def test_findings_on_the_fmus(runs):
         for key in ("pole_rad_s", "predicted_pole_rad_s")
     )
     verify_claim(
-        "stability.poles",
+        "stability.suspension_poles",
         claim="Slowest pole of the suspension: growth, frequency",
         where="`ps-fmu analyse stability`: terminal, report, stability.json",
         reference="free motion of the FMUs after a pulse, by the eigensystem realisation: nine runs",

@@ -86,7 +86,7 @@ def test_the_table_has_all_numbers_and_those_of_the_parts(stored):
 def test_what_is_computed_is_computed_today(stored, closed_form):
     verify_claim(
         "paper.computed",
-        claim="Computed values of all numbers that the paper publishes",
+        claim="The computed values beside the published ones are those of today",
         where="`ps-fmu analyse paper`, docs/paper",
         reference="computed anew by the test",
         error=len(wrong(stored, closed_form)),

@@ -10,9 +10,10 @@ from support.claims import verify_claim
 from ps_fmu.analyses.table import AnalysisOptions
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.paper.figures.table2 import report as jitter
-from ps_fmu.paper.figures.table2.runs import LOOP_DELAY, ORIENTATIONS, shares
+from ps_fmu.paper.figures.table2.runs import ORIENTATIONS, shares
 from ps_fmu.runs.scenario import SCENARIOS
 from ps_fmu.theory.loop import loop_at
+from ps_fmu.theory.sampled import LOOP_DELAY
 from ps_fmu.theory.transmissibility import jitter_density
 
 

@@ -1,5 +1,6 @@
 """A waterfall: levels, labels, the picture."""
 
+import base64
 from dataclasses import replace
 
 import numpy as np
@@ -20,8 +21,6 @@ def test_levels_are_decibels_of_the_largest_and_end_at_the_floor():
 
 
 def test_levels_are_bytes():
-    import base64
-
     packed = base64.b64decode(encode_levels(np.array([[0.0, -50.0], [-100.0, -200.0]]), -100.0))
     assert list(packed) == [255, 128, 0, 0]
 

@@ -15,9 +15,12 @@ from pathlib import Path
 import netCDF4
 import numpy as np
 import pytest
+from conftest import HEAD
 from support.claims import verify_claim
 from support.same_results import list_differences
 
+import ps_fmu
+from ps_fmu.cli import main
 from ps_fmu.cosim import Recorder
 from ps_fmu.cosim.checkpoint.files import CheckpointFolder
 from ps_fmu.runs import keeping
@@ -81,8 +84,6 @@ def tables(printed):
 @pytest.fixture(scope="module")
 def inputs(tmp_path_factory, built_fmus):
     """A folder with the files that the runs use, and the results of those that nobody disturbs."""
-    from conftest import HEAD
-
     folder = tmp_path_factory.mktemp("undisturbed")
     (folder / "own.toml").write_text(REQUIREMENTS)
     noise = '<ssv:Parameter name="disturbance.noise.enabled"><ssv:Boolean value="true"/></ssv:Parameter>'
@@ -146,8 +147,6 @@ def stopped(inputs, tmp_path):
 @pytest.fixture
 def run(capsys):
     """Run ``ps-fmu run`` in this process: exit code and what it says on the error stream."""
-    from ps_fmu.cli import main
-
     def call(*words):
         try:
             code = main(["run", *map(str, words)])
@@ -282,8 +281,6 @@ def test_a_damaged_checkpoint_says_what_helps(inputs, undisturbed, stopped, run)
 
 
 def test_any_system_goes_on(inputs, run, tmp_path, capsys):
-    from ps_fmu.cli import main
-
     assert main(["ssp", "--output", str(tmp_path / "own.ssp")]) == 0
     words = [str(tmp_path / "own.ssp"), "--step", "1e-4", "--duration", "0.4", "--observe", "plant.*", "--no-figures"]
     assert run(*words, "--output", tmp_path / "whole")[0] == 0
@@ -299,8 +296,6 @@ def test_any_system_goes_on(inputs, run, tmp_path, capsys):
 
 
 def test_a_system_in_a_folder_has_checkpoints_and_begins_there(run, tmp_path):
-    from ps_fmu.cli import main
-
     assert main(["ssp", "--output", str(tmp_path / "own.ssp")]) == 0
     shutil.unpack_archive(tmp_path / "own.ssp", tmp_path / "own", "zip")
     words = [tmp_path / "own", "--step", "1e-3", "--duration", "0.02", "--observe", "plant.los*", "--no-figures"]
@@ -333,8 +328,6 @@ def test_a_run_with_faults_goes_on(inputs, run, tmp_path):
 
 
 def test_a_run_by_another_scheme_goes_on(inputs, run, tmp_path):
-    from ps_fmu.cli import main
-
     assert main(["ssp", "--output", str(tmp_path / "own.ssp")]) == 0
     words = [str(tmp_path / "own.ssp"), "--step", "1e-4", "--duration", "0.2", "--observe", "plant.*", "--no-figures"]
     words += ["--scheme", "gauss-seidel", "--extrapolate", "linear", "--rate", "isolator=5"]
@@ -359,8 +352,6 @@ def test_ctrl_c_names_the_command_that_goes_on(inputs, undisturbed, tmp_path):
 
 
 def test_simulate_goes_on(tmp_path, monkeypatch):
-    import ps_fmu
-
     options = {"duration": 0.4, "progress": False, "output": tmp_path / "out", "checkpoint": 0.05}
     whole = ps_fmu.simulate("isolation", duration=0.4, progress=False, output=tmp_path / "whole")
     original, seen = Recorder.block, []

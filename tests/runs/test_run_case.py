@@ -7,11 +7,13 @@ from pathlib import Path
 import netCDF4
 import numpy as np
 import pytest
+from support.claims import verify_claim
 
 import ps_fmu
 from ps_fmu.cosim import Column, SlaveError, SystemFileError, UsageError
 from ps_fmu.cosim.master import BLOCK_ROWS
-from ps_fmu.runs.cases import Bounds, Case, Divergence, run_case, show_progress
+from ps_fmu.runs.cases import Case, run_case, show_progress
+from ps_fmu.runs.divergence import Bounds, Divergence
 from ps_fmu.runs.options import RunOptions
 from ps_fmu.runs.setup import load_system
 from ps_fmu.scenarios.jitter_record import ROTATION, JitterRecord
@@ -63,9 +65,16 @@ def test_open_inputs_are_named_unless_they_are_extras_or_given(options, tmp_path
     torque = [f"plant.base_torque.{axis} is not connected and stays at 0.0 N.m" for axis in "xyz"]
     target = [f"commander.target.{angle} is not connected and stays at 0.0 rad" for angle in ("roll", "pitch", "yaw")]
     open_options = RunOptions(**vars(options) | {"system": other, "duration_s": options.step_s})
-    assert [text for text in run(open_options, passive())[2] if "not connected" in text] in (
-        torque + target, target + torque
-    )  # fmt: skip
+    found = [text for text in run(open_options, passive())[2] if "not connected" in text]
+    verify_claim(
+        "warning.open_inputs",
+        claim="... is not connected and stays at ...",
+        where="`ps-fmu run`, `sweep`: terminal, report, `warnings` of summary.json",
+        reference="three wires taken out of the system's description",
+        error=len(set(found) ^ {*torque, *target}),
+        bound=0,
+        unit="inputs missed or named in vain",
+    )
     given = {f"plant.base_torque.{axis}": 1.0 for axis in "xyz"} | {"commander.target.roll": 0.1}
     given_options = RunOptions(**vars(open_options) | {"parameters": (ssv(given),), "output": tmp_path / "given"})
     assert [text for text in run(given_options, passive())[2] if "not connected" in text] == target[1:]
@@ -97,9 +106,20 @@ def test_parameters_that_are_not_used_are_reported(options, ssv, capsys):
     given = RunOptions(**vars(options) | {"parameters": (ssv(values),)})
     *_, warnings = run(given, passive({TARGET: 0.0}))
     by_case, by_wire = (text for text in warnings if "is not used" in text or "first exchange" in text)
-    assert by_case.startswith(f"{TARGET} (") and by_case.endswith("case passive sets it to 0.0")
-    assert "given.ssv, line 4" in by_case
-    assert by_wire.endswith("line 6) holds until the first exchange alone: it is connected to disturbance.base_force.x")
+    expected = (
+        (by_case, f"{TARGET} (", "given.ssv, line 4) is not used: case passive sets it to 0.0"),
+        (by_wire, "plant.base_force.x (", "line 6) holds until the first exchange alone: it is connected to "
+         "disturbance.base_force.x"),
+    )  # fmt: skip
+    verify_claim(
+        "warning.not_used",
+        claim="... is not used: case ... sets it; ... holds until the first exchange alone",
+        where="`ps-fmu run`: terminal, report, `warnings` of summary.json",
+        reference="a parameter file with a value that the case sets, and one of an input with a wire",
+        error=sum(not (text.startswith(first) and text.endswith(last)) for text, first, last in expected),
+        bound=0,
+        unit="texts that differ",
+    )
     assert f"{by_case}\n{by_wire}\n" in capsys.readouterr().err
 
 
@@ -159,7 +179,15 @@ def test_a_profile_has_each_component_and_each_observer(make_options):
     (table,) = system.costs.to_tables()
     assert [row[0] for row in table.rows][:5] == list(costs["parts"])
     shares = [float(row[5].removesuffix(" %")) for row in table.rows if row[0] != "all steps"]
-    assert sum(shares) == pytest.approx(100.0, abs=0.5 * len(shares)), "each is rounded to 1 %"
+    verify_claim(
+        "run.costs",
+        claim="Share of each component, the exchange, the loop and each observer in the time",
+        where="`ps-fmu run --profile`: terminal, `costs` of summary.json",
+        reference="they add up to 100 %; each is rounded to 1 %",
+        error=abs(sum(shares) - 100.0) / len(shares),
+        bound=0.5,
+        unit="per cent a row",
+    )
 
 
 def test_one_place_makes_masters():

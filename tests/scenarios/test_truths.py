@@ -260,10 +260,14 @@ def test_isolation(make_options, tmp_path, capsys):
 
 
 def test_slew(make_options, ssv):
-    """0.5 deg in 10 s, noise on: all that the tables say, from the rows."""
+    """0.5 deg in 10 s.  The platform arrives, the bus keeps no momentum, the fine legs make up for its rotation."""
     step = 0.02
     given = {"commander.target.roll": math.radians(0.5), "plant.relinearisation_distance": 1e-3}
-    summary, rows = run(make_options("slew", 75.0, step_s=step, storage_step_s=step, parameters=(ssv(given),)))
+    options = make_options("slew", 73.0, step_s=step, storage_step_s=step, parameters=(ssv(given),), figures=True)
+    summary, rows = run(options)
+    pictures = len(list(options.output.glob("*.png")))
+    assert pictures == 2 and (options.output / "report.html").read_text().count("<img ") == pictures
+    assert summary["warnings"] == [] and summary["orientation_deg"] == [0.5, 0.0, 0.0]
     slew = summary["slew"]
     goal = np.array([0.5, 0.0, 0.0])
     moving = rows("isolator_on", "commander.moving")[0] > 0.5
@@ -313,6 +317,8 @@ def test_slew(make_options, ssv):
             "fine_displacement_peak_m": peak["fine"], "fine_force_peak_N": peak["force"],
         }  # fmt: skip
         np.testing.assert_allclose(slew[case]["left_over_deg"], fine + bus - jitter, atol=1e-5 * np.abs(bus).max())
+    assert expected["profile_end_s"] == pytest.approx(11.0, abs=0.05)
+    assert np.abs(errors["isolator_on"]["relative"]).max() > 1e-5
     held = [("nominal", "isolator_off"), ("nominal", "isolator_on"), ("relative", "isolator_off")]
     expected["requirements"] = [
         {
@@ -321,6 +327,10 @@ def test_slew(make_options, ssv):
         }
         for what, case in held
     ]  # fmt: skip
+    off, on = (expected[case]["payload_rotation_rms_rad"] for case in ("isolator_off", "isolator_on"))
+    top = {"rms_passive_rad": off, "rms_active_rad": on, "rejection_percent": 100.0 * (1.0 - on / off)}
+    assert compare({key: summary[key] for key in top}, top) < 1e-9
+    assert summary.keys() == top.keys() | INPUTS - {"target_deg"} | WALL | {"slew", "indices"}
     reaction = slew.pop("reaction")
     verify_claim(
         "slew.numbers",
@@ -344,10 +354,17 @@ def test_pointing(make_options, ssv, capsys, monkeypatch):
     monkeypatch.setattr(pointing_scenario, "measure_loop", lambda *args: {})  # tests/system/test_line_of_sight.py
     step, duration_s = 1e-2, 33.0
     given = ssv({"commander.target.roll": 0.005, "commander.target.pitch": -0.004, "commander.min_duration": 3.0})
-    summary, rows = run(make_options("pointing", duration_s, step_s=step, storage_step_s=step, parameters=(given,)))
+    options = make_options("pointing", duration_s, step_s=step, storage_step_s=step, parameters=(given,), figures=True)
+    summary, rows = run(options)
+    assert sorted(path.name for path in options.output.glob("*.png")) == [
+        "pointing_error.png", "pointing_loop.png", "pointing_split.png",
+    ]  # fmt: skip
     found = summary["pointing"]
+    assert {summary.pop(key) for key in ("rms_passive_rad", "rms_active_rad", "rejection_percent")} == {None}
+    assert summary.keys() == INPUTS - {"target_deg"} | WALL | {"pointing", "indices"}
     margins = found.pop("margins")
     assert [one["axis"] for one in margins] == list(AXES)  # tests/theory/test_line_of_sight.py
+    assert all(one["gain_db"] > 6.0 and one["phase_deg"] > 30.0 for one in margins)
     time = np.arange(round(duration_s / step) + 1) * step
     target = Rotation.from_euler("ZYX", [0.0, -0.004, 0.005])
     hidden = [22.0, 27.0]  # 5 s from two thirds of the run on
@@ -397,4 +414,8 @@ def test_pointing(make_options, ssv, capsys, monkeypatch):
     assert {key: float(value) for key, value in said.items()} == {
         key: pytest.approx(value, rel=0.05) for key, value in truth.items()
     }
+    assert "Least margins" in text
+    for phase in ("locked", "locked again"):  # the loop takes what the slew leaves
+        off, on = (np.abs(phases[case][phase]["mean_rad"][:2]).max() for case in ("loop_off", "loop_on"))
+        assert on < 0.1 * off
     assert f"after the loss of lock: {'met' if below else 'NOT met'}" in text

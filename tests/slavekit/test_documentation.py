@@ -11,6 +11,7 @@ from lxml import etree
 from support.page import PAGE
 from support.states import start_stepping
 
+from ps_fmu.slavekit.author import elements
 from ps_fmu.slavekit.author.slave import Slave, vector
 from ps_fmu.slavekit.author.terminals import Terminal, write_terminals
 from ps_fmu.slavekit.pack.launch import write_external_dependencies
@@ -189,8 +190,6 @@ def test_the_sensor_is_sampled_rounded_and_late(sensor):
 
 
 def test_all_elements_are_in_the_table():
-    from ps_fmu.slavekit.author import elements
-
     names = {name for name, value in vars(elements).items() if isinstance(value, type)}
     names = {name for name in names if issubclass(getattr(elements, name), elements.Element)} - {"Element"}
     table = PAGE.read_text().split("| element | does |")[1].split("\n\n")[0]

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from ps_fmu.slavekit.author.guard import FmuError
-from ps_fmu.slavekit.author.slave import ModelError, Refused, Slave
+from ps_fmu.slavekit.author.slave import ModelError, Port, Refused, Slave
 
 # --- Phases, initialisation, messages -----------------------------------------------------------------------------
 
@@ -186,8 +186,6 @@ def test_mistakes_in_a_class_are_told_at_its_definition():
 
 
 def test_contradictions_between_ports_are_told_at_the_definition():
-    from ps_fmu.slavekit.author.slave import Port
-
     with pytest.raises(ValueError, match="Twice: declared twice: a"):
 
         class Twice(Slave):

@@ -4,6 +4,7 @@
 """
 
 import json
+import math
 import os
 import random
 import re
@@ -15,6 +16,7 @@ from itertools import zip_longest
 from pathlib import Path
 
 import netCDF4
+import numpy as np
 import psutil
 import pyarrow.parquet as pq
 import pytest
@@ -164,7 +166,26 @@ def test_a_study_on_this_machine_says_what_it_says(write_study, make_prepared, s
     assert table.schema.field("toy.gain").metadata == {b"unit": b"1"}
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert summary["statuses"] == {"done": 6}
-    assert summary["outputs"]["active.toy.error.x.APE.rms"]["cases"] == 6
+    off = []
+    for name, found in summary["outputs"].items():
+        own = np.sort(np.array(table[name], dtype=float))
+        assert (found["cases"], len(own)) == (6, 6)
+        statistics = (own.mean(), own.std(ddof=1), own[0], own[-1])
+        truth = dict(zip(("mean", "std", "least", "largest"), statistics, strict=True))
+        off += [abs(found[key] - value) / own[-1] for key, value in truth.items()]
+        ranks = [own[math.ceil(one["probability"] * 6) - 1] for one in found["percentiles"]]
+        off += [abs(one["value"] / value - 1.0) for one, value in zip(found["percentiles"], ranks, strict=True)]
+    worst = next(name for name in summary["outputs"] if name.endswith(".rms"))
+    assert [one["case"] for one in summary["worst"]] == np.argsort(-np.array(table[worst], dtype=float))[:5].tolist()
+    assert all(f"--case {one['case']} " in one["command"] for one in summary["worst"]) and summary["failed"] == []
+    verify_claim(
+        "study.summary",
+        claim="Mean, deviation, percentiles, least and largest value of each output; the worst cases",
+        where="`ps-fmu sweep`: terminal, study page, summary.json",
+        reference="numpy and ranks on the columns of study.parquet",
+        error=max(off),
+        bound=1e-12,
+    )
 
     code, _, errors = sweep(study)
     assert code == 2

@@ -235,18 +235,18 @@ def test_a_line_of_sight_loop_is_that_of_its_own_theory(loop):
     tracker = DEFAULT_TRACKER
     timing = Timing(tracker.sample_time, tracker.latency, STEP)
     frequency = np.array([0.05, 0.3, 1.25, 3.0, 5.1, 20.0])
+    s = 2j * np.pi * frequency
     blocks = {"plant": make_plant_block(loop.model, STEP), "isolator": make_isolator_block(loop.controller, STEP)}
     inputs = plant_inputs([*WRENCH, *(f"added_{force}" for force in FORCES)])
     whole = answer(blocks, DIRECT + FORCED, inputs, frequency)
-    closed = close_loop(SampledPointing(law, timing).response(frequency), whole, whole, slice(6, 9))
-    s = 2j * np.pi * frequency
+    closed = close_loop(SampledPointing(law, timing).response(s), whole, whole, slice(6, 9))
     theory = PointingLoop(loop.with_delay(1.5 * STEP), law, timing)
     for part, expected in ((closed[..., 6:], theory.from_target(s)), (closed[..., :6], theory.from_wrench(s))):
         size = np.abs(expected).max(axis=(1, 2))
         # Below 1 Hz the isolator leaves so little of the wrench that what a step does besides its delay is seen.
         rows = slice(0, None) if part.shape[-1] == 3 else slice(2, None)
         assert (np.abs(np.abs(part) - np.abs(expected)).max(axis=(1, 2)) / size)[rows].max() < 0.02
-    no_roll = SampledPointing(law, timing, roll_measured=False).response(frequency)
+    no_roll = SampledPointing(law, timing, roll_measured=False).response(s)
     assert not no_roll[..., 2].any()
     assert no_roll[..., :2].all()
 

@@ -12,8 +12,8 @@ from ps_fmu.mechanism.quantities import replace_values
 from ps_fmu.sensors.inertial import default_sensors
 from ps_fmu.theory.line_of_sight import PointingLoop, Timing
 from ps_fmu.theory.loop import loop_at
+from ps_fmu.theory.sampled import LOOP_DELAY
 from ps_fmu.theory.sensed_isolation import (
-    LOOP_DELAY,
     SensedIsolation,
     estimate_density,
     estimated_bias,
@@ -111,3 +111,28 @@ def test_a_line_of_sight_loop_is_that_of_its_own_theory(isolation):
     expected = closed.sensitivity(s) @ closed.plant(s) @ K
     assert found.to_noise[some] == pytest.approx(expected, rel=1e-3, abs=1e-3 * np.abs(expected).max())
     assert line_of_sight(np.diag([9.0, 16.0, 100.0])) == 5.0
+
+
+@pytest.mark.parametrize("gain_db", [0.0, 7.0, 8.4, 9.0, 12.0])
+@pytest.mark.parametrize("sensed", [False, True])
+def test_it_is_stable_where_the_loop_of_its_own_theory_is(isolation, gain_db, sensed):
+    """Of a line-of-sight loop with more and more gain, isolator on and off."""
+    law, corner = PointingLaw.from_parameters(load()), 0.02  # Hz
+    design = replace(law.loop, crossover_frequency=1.25 * 10.0 ** (gain_db / 20.0))
+    control, timing = law.with_design(design).controller(np.zeros(3)), Timing(0.01, 0.01, STEP)
+    controller = isolation.loop.controller
+    tuned = replace(controller, filters=replace(controller.filters, highpass_frequency=corner))
+    loop = replace(isolation.loop, controller=tuned, delay=(LOOP_DELAY + 1.0) * STEP)
+    ideal = replace_values(default_sensors(), {"accelerometer.bandwidth": 0.0})
+    stable = not len(PointingLoop(loop, control, timing, isolated=sensed).unstable)
+    assert isolation.is_stable(ideal if sensed else None, corner, (control, timing)) == stable
+
+
+def test_a_delay_beyond_the_limit_of_the_isolator_is_unstable():
+    """The lighter support module stands 91.68 ms, of which exchange and sensors take 2.5 steps."""
+    p = load(bus="LSM")
+    ideal = replace_values(default_sensors(), {"accelerometer.bandwidth": 0.0})
+    limit = loop_at(p).delay_limit - (LOOP_DELAY + 1.0) * STEP
+    for share, stable in ((0.999, True), (1.001, False)):
+        late = SensedIsolation(loop_at(p, delay=share * limit), p.bus, p.noise, STEP)
+        assert late.is_stable(ideal, p.filters.highpass_frequency) == stable

@@ -10,11 +10,11 @@ import pytest
 
 from ps_fmu.cosim import Master, read_parameters, read_system
 from ps_fmu.disturbance import multisine_lines, psd_at_origin
+from ps_fmu.interface.linear_system import Circuit, read_model
 from ps_fmu.pointing import RelativeError
 from ps_fmu.pointing.budget import make_budget
 from ps_fmu.results.observers.sampler import SampleObserver
 from ps_fmu.trades.budget.results import find_edges, list_sources, select_signals
-from ps_fmu.trades.budget.system_model import Circuit, read_model
 
 SYSTEM = Path(__file__).parents[2] / "system"
 STEP, ROW = 1e-4, 1e-3  # s: of communication, between the rows that are kept

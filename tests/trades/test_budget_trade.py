@@ -11,6 +11,7 @@ import pytest
 from ps_fmu.analyses.table import AnalysisOptions
 from ps_fmu.cli import main
 from ps_fmu.cosim import read_system
+from ps_fmu.interface.linear_system import SOURCE, Circuit, LinearModelError, read_model
 from ps_fmu.pointing import RelativeError
 from ps_fmu.pointing.budget import UncertaintyFactors, make_budget
 from ps_fmu.trades.budget import report
@@ -22,7 +23,6 @@ from ps_fmu.trades.budget.results import (
     read_factors,
     select_signals,
 )
-from ps_fmu.trades.budget.system_model import SOURCE, BudgetError, Circuit, read_model
 
 SYSTEM = Path(__file__).parents[2] / "system"
 ROTATION = tuple(f"payload_rotation.{axis}" for axis in "xyz")
@@ -200,13 +200,13 @@ def test_what_has_no_budget_is_refused(systems, values, message):
 def test_other_components_are_refused(systems, tmp_path):
     system = systems["SystemStructure"]
     components = system.components[:1] + system.components[2:]
-    with pytest.raises(BudgetError, match="a budget needs the FMU PointingCommander"):
+    with pytest.raises(LinearModelError, match="the closed form needs the FMU PointingCommander"):
         read_model(replace(system, components=components))
     second = replace(system.components[0], name="second")
-    with pytest.raises(BudgetError, match="a budget is of one DisturbanceSource, there are 2"):
+    with pytest.raises(LinearModelError, match="the closed form is of one DisturbanceSource, there are 2"):
         read_model(replace(system, components=(*system.components, second)))
     other = replace(system.components[0], source=tmp_path / "Pump.fmu")
-    with pytest.raises(BudgetError, match="disturbance: there is no closed form of the FMU Pump"):
+    with pytest.raises(LinearModelError, match="disturbance: there is no closed form of the FMU Pump"):
         read_model(replace(system, components=(other, *system.components[1:])))
 
 

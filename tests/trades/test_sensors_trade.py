@@ -9,7 +9,7 @@ from support.claims import verify_claim
 
 from ps_fmu.analyses.table import AnalysisOptions
 from ps_fmu.trades.sensors import report as sensors
-from ps_fmu.trades.sensors.results import CLASSES, CROSSOVERS
+from ps_fmu.trades.sensors.results import CLASSES, CROSSOVERS, compute_trade, needed_density
 
 SYSTEM = Path(__file__).parents[2] / "system" / "InertialSensors.ssd"
 
@@ -58,6 +58,34 @@ def test_a_bias_goes_where_the_closed_form_says(found):
         error=np.abs(bias["measured_rad"] - bias["expected_rad"]),
         bound=3.4e-7,
         unit="rad",
+    )
+
+
+def test_the_largest_noise_density_reaches_the_jitter():
+    """With one per cent more noise no corner reaches it, with one per cent less the best one does."""
+    trade = compute_trade(SYSTEM.parent / "parameters", np.geomspace(0.01, 3.0, 7), points=60)
+    off, reached = [], 0
+    for crossover, white in trade.white.items():
+        for goal in (1e-5, 3e-6, 1e-6, 5e-7):  # rad
+            density = needed_density(trade, crossover, goal)
+            quiet = np.sqrt(white.disturbance + white.tracker).min()
+            assert (density is None) == (quiet >= goal)
+            if density is not None:
+                spread = white.sensors * density**2
+                noisy, less = (
+                    np.sqrt((white.disturbance + white.tracker + share * spread).min()) / goal for share in (1.02, 0.98)
+                )
+                off += [1.0 - noisy, less - 1.0]
+                reached += 1
+    assert reached > 4
+    verify_claim(
+        "sensor.largest_density",
+        claim="Largest noise density of an accelerometer that reaches a jitter, at the best corner",
+        where="`ps-fmu analyse sensors`: terminal, report, table",
+        reference="variances added by hand: with 1 % more noise no corner reaches it, with 1 % less the best one does",
+        error=off,
+        bound=0.0,
+        unit="beyond the jitter",
     )
 
 

@@ -44,10 +44,12 @@ class Analysis:
     system: str = SYSTEM  # name of the product's system structure description that it runs, unless told otherwise
     takes: tuple[str, ...] = ()
     """Options that it takes besides those of every analysis: ``parameters``, ``requirements``, ``uncertainty``."""
+    own: str = ""
+    """The function for another system than the product's, or with parameters, where that is another one."""
 
-    def load(self) -> Callable[..., AnalysisResult]:
-        """Import the function."""
-        module, _, function = self.function.partition(":")
+    def load(self, *, own: bool = False) -> Callable[..., AnalysisResult]:
+        """Import the function; ``own``: that for a system of one's own."""
+        module, _, function = (self.own if own and self.own else self.function).partition(":")
         loaded: Callable[..., AnalysisResult] = getattr(import_module(module), function)
         return loaded
 
@@ -72,8 +74,11 @@ _TABLE = (
     ),
     Analysis(
         "stability",
-        "Fig 10: the internal loop with delay, in the paper's reading and in that of its equation (48)",
+        "Fig 10: the internal loop with delay, in the paper's reading and in that of its equation (48); with "
+        "--parameters or --system: poles and margins of that system",
         "ps_fmu.paper.figures.fig10.report:analyse",
+        takes=("parameters",),
+        own="ps_fmu.trades.stability:analyse",
     ),
     Analysis(
         "jitter",

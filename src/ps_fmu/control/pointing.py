@@ -91,6 +91,11 @@ class PointingFilter:
     notch: Notch
     design: LoopDesign
 
+    @property
+    def integrators(self) -> int:
+        """Poles at zero, of each axis."""
+        return 2 if self.design.integral_frequency else 1
+
     def matrices(self, *, frozen: bool = False) -> tuple[Array, Array, Array]:
         """A, B, C of ``x' = A x + B [e; g]``, ``f = C x``, for e (3, rad) and the excess g of the forces (3, N).
 

@@ -20,6 +20,7 @@ from .kinematics import (
     LARGEST_CONDITION,
     Geometry,
     KinematicsError,
+    NotConvergedError,
     condition_number,
     displacements,
     platform_jacobian,
@@ -29,14 +30,6 @@ from .quantities import Array
 from .rotations import cross, dot, rotation_matrix
 
 BoolArray = NDArray[np.bool_]
-
-
-class NotConvergedError(KinematicsError):
-    """Algorithm 1 did not reach its error limit; ``residual`` is what was left, m."""
-
-    def __init__(self, message: str, residual: float) -> None:
-        super().__init__(message)
-        self.residual = residual
 
 
 @dataclass(frozen=True, eq=False)

@@ -287,12 +287,16 @@ _NEAR = 1e-9  # m; so near, the last Jacobian is right in seven digits, and serv
 _EYE = np.eye(3)
 
 
-class ForwardKinematicsError(KinematicsError):
-    """Newton's method did not converge; ``residual`` is the largest length error that was left, m."""
+class NotConvergedError(KinematicsError):
+    """A method did not reach its error limit; ``residual`` is what was left, m."""
 
     def __init__(self, message: str, residual: float) -> None:
         super().__init__(message)
         self.residual = residual
+
+
+class ForwardKinematicsError(NotConvergedError):
+    """Newton's method did not converge; ``residual`` is the largest length error that was left, m."""
 
 
 @dataclass(frozen=True, eq=False)

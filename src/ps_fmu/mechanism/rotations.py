@@ -209,11 +209,6 @@ def multiply(p: Array, q: Array) -> Array:
     return product
 
 
-def conjugate(q: Array) -> Array:
-    """The turn back, (..., 4)."""
-    return q * np.array([1.0, -1.0, -1.0, -1.0])
-
-
 def from_rotation_vector(vector: Array) -> Array:
     """The turn by the angle ``|vector|`` (rad) about ``vector``; (..., 3) to (..., 4)."""
     if vector.ndim == 1:  # numbers instead of arrays: 3 us instead of 14

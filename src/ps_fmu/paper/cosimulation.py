@@ -15,13 +15,11 @@ from ..runs.scenario import Scenario
 
 
 @contextmanager
-def hold_run(
-    options: AnalysisOptions, scenario: Scenario, duration_s: float | None = None, step_s: float | None = None
-) -> Iterator[RunOptions]:
+def hold_run(options: AnalysisOptions, scenario: Scenario) -> Iterator[RunOptions]:
     """Options of a scenario's runs, whose folder no other run can use during the body.
 
     The folder has the scenario's name and is made beside the results of the analysis.  Then the FMUs are built if they
-    are missing or older than their sources.  Duration and step, s, are those of the scenario by default.
+    are missing or older than their sources.
 
     Raises BuildError, OptionError.
     """
@@ -29,8 +27,8 @@ def hold_run(
         scenario,
         options.system,
         options.output / scenario.name,
-        duration_s or scenario.duration_s,
-        step_s or scenario.step_s,
+        scenario.duration_s,
+        scenario.step_s,
         options.seed,
         fmus=options.fmus,
         progress=options.progress,

@@ -12,6 +12,8 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 LARGEST_HANKEL = 200  # rows and columns of blocks
+FEWEST_ROWS, FEWEST_TURNS = 30, 4  # of a record that grows, and changes of sign of one that oscillates
+MOST_DECADES, ALIKE = 20.0, 1.5  # decades that are looked at, and how alike the times are that three of them take
 LEAST_SHARE = 1e-2  # of the largest mode in the band: what is smaller is what a high order makes of rounding
 
 
@@ -82,6 +84,38 @@ def free_poles(motion: Array, step_s: float, order: int) -> Complex:
     scaled = np.ascontiguousarray(motion.T[:, None, :] / np.abs(motion).max())
     model, _ = eigensys_realization(scaled, order, m=size, n=size)
     return np.asarray(np.log(np.linalg.eigvals(model.A).astype(complex)) / step_s)
+
+
+@dataclass(frozen=True)
+class ExponentialGrowth:
+    """How a record grows at its end."""
+
+    rate: float  # 1/s
+    frequency: float  # Hz, of its changes of sign; 0: there are fewer than four
+    decades: float  # over which it has grown by this rate
+
+
+def find_growth(time: Array, values: Array) -> ExponentialGrowth | None:
+    """The exponential growth to the end of a record (n,), s and any unit; None: it does not grow so, or too little.
+
+    The largest magnitude so far passes decades.  In exponential growth the times that three of them take are alike; in
+    growth by a power of time, up to the tenth, they are not, nor in a jump.  The rate is that of the first three that
+    are alike and have no slower ones behind them: there the motion is small.
+    """
+    size = np.maximum.accumulate(np.where(np.isfinite(values), np.abs(values), 0.0))
+    if len(size) < FEWEST_ROWS or not size[-1] > 0.0:
+        return None
+    levels = size[-1] * 10.0 ** -np.arange(MOST_DECADES, 0.0, -1.0)
+    passed = np.append(time[np.searchsorted(size, levels[levels >= max(size[0], np.finfo(float).tiny)])], time[-1])
+    spans = np.diff(passed)
+    for first in range(len(spans) - 2):
+        three, after = spans[first : first + 3], spans[first + 3 :]
+        if 0.0 < three.max() <= ALIKE * three.min() and (after <= ALIKE * three.max()).all():
+            within = (time >= passed[first]) & (time <= passed[first + 3])
+            turns = int(np.count_nonzero(np.diff(np.sign(values[within]))))
+            frequency = 0.5 * turns / float(three.sum()) if turns >= FEWEST_TURNS else 0.0
+            return ExponentialGrowth(float(3.0 * np.log(10.0) / three.sum()), frequency, float(len(spans) - first))
+    return None
 
 
 def rightmost(poles: Complex, band: tuple[float, float]) -> complex:

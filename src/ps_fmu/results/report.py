@@ -6,7 +6,7 @@ Pictures, data and scripts are embedded, nothing is fetched from elsewhere, and 
 from __future__ import annotations
 
 import base64
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -41,21 +41,6 @@ class Section:
     tables: Sequence[Table] = ()
     pictures: Sequence[Picture] = ()
     link: tuple[str, str] | None = None  # address, relative to the report, and what it says
-
-
-def draw_pictures(
-    folder: Path, prefix: str, figures: Iterable[tuple[str, str, Callable[[Path], None]]]
-) -> list[Picture]:
-    """Draw figures (name, caption, function that draws it to a file) to ``PREFIX_NAME.png`` in a folder.
-
-    Raises OSError.
-    """
-    pictures = []
-    for name, caption, paint in figures:
-        path = folder / f"{prefix}_{name}.png"
-        paint(path)
-        pictures.append(Picture(path, caption))
-    return pictures
 
 
 @dataclass(frozen=True)

@@ -14,13 +14,14 @@ from typing import Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..cosim import Column, CosimError, Event, Master, Observer, Recorder, Value
+from ..cosim import Column, Event, Master, Observer, Recorder, Value
 from ..cosim.description import read_terminal_variables
-from ..cosim.errors import SlaveEnded
+from ..cosim.errors import SlaveEnded, SlaveError
 from ..cosim.faults.binding import ActedFault
 from ..cosim.recording.thinner import MemoryRecorder
 from ..cosim.structure import parse_port
 from ..interface.agreement import APART, Difference, find_differences
+from .divergence import Bounds, Divergence, describe_loop, explain_divergence
 from .index_record import SIGNALS
 from .keeping import CaseKeeper, SinceStart, leave_no_empty_file
 from .options import RESULTS, RunOptions
@@ -31,7 +32,6 @@ from .stored_rows import make_stored_names, rename_columns
 
 Array = NDArray[np.float64]
 
-USELESS = 1e100  # in any unit; beyond its square statistics would overflow, and none of it is motion of a spacecraft
 QUIET_INTERVAL_S = 10.0  # between the lines of the progress bar in a log file
 
 
@@ -78,36 +78,6 @@ class Outcome:
         return self.simulated_s / self.wall_s
 
 
-class Divergence(CosimError):
-    """A value that has grown beyond :data:`USELESS`, as in an unstable loop."""
-
-
-@dataclass(frozen=True)
-class Bounds:
-    """Observer that ends a run by :class:`Divergence` when a value exceeds :data:`USELESS`."""
-
-    columns: tuple[Column, ...]
-    ignored_magnitude: float = USELESS  # so that other blocks are not handed over
-
-    def save_state(self) -> dict[str, object]:
-        """Nothing: each block is looked at by itself."""
-        return {}
-
-    def load_state(self, state: Mapping[str, object]) -> None:
-        """As :meth:`save_state`."""
-
-    def block(self, _first_index: int, time: Array, values: Array) -> None:
-        """Look at the rows (rows, columns); ``time`` (rows,) in s."""
-        if max(values.max(), -values.min()) <= USELESS:
-            return
-        row, place = np.argwhere(np.abs(values) > USELESS)[0]
-        column = self.columns[place]
-        raise Divergence(
-            f"{column.name} is beyond {USELESS:g} {column.unit or ''} at t = {time[row]:.9g} s: the motion grows "
-            "without limit; look for an unstable loop (delay, light bus), or choose a smaller step"
-        )
-
-
 class RunRecord(Protocol):
     """The results that are computed during a run, block by block."""
 
@@ -137,10 +107,25 @@ def run_case(
     left out of the pointing error indices, which ``system`` collects.  The outputs are stored in the case's group of
     results.nc; what the user should know is added to the warnings of ``system``.
 
-    Raises :class:`ps_fmu.cosim.CosimError` (what is wrong, where and when) and KeyboardInterrupt; the analysis and
-    the file have then all complete rows.
+    Raises :class:`ps_fmu.cosim.CosimError` (what is wrong, where and when; of a motion that has grown without limit
+    :class:`.divergence.Divergence`) and KeyboardInterrupt; the analysis and the file have then all complete rows.
     """
-    duration = options.duration_s if duration_s is None else duration_s
+    try:
+        return _run(system, options, case, analyse, needs, options.duration_s if duration_s is None else duration_s)
+    except (SlaveError, Divergence) as error:
+        if options.is_plain or (said := explain_divergence(error, system, options, case.name, case.values)) is None:
+            raise
+        raise said from error
+
+
+def _run(
+    system: RunSystem,
+    options: RunOptions,
+    case: Case,
+    analyse: Callable[[tuple[Column, ...]], A],
+    needs: Collection[str] | None,
+    duration: float,
+) -> tuple[Outcome, A]:
     wall = [0.0]
     keeper = CaseKeeper(
         options.output, case.name, options.checkpoint_s, resume=options.resume, source=options.source,
@@ -172,6 +157,8 @@ def run_case(
         texts = [*_list_overruled(system, case), *_list_connected(system, master), *master.faults.remarks]
         if not options.is_plain:
             texts += [*_list_open(system, master, case), *list_mismatches(system, case.values, options.apart)]
+            if system.kept is None and (loop := describe_loop(system, options, case.values)):
+                texts.append(f"Case {case.name}: {loop}. Its motion grows until a limit stops it.")
         master.faults.check_end(duration)
         for text in texts:
             system.warnings.add(text)

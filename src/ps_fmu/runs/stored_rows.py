@@ -9,7 +9,7 @@ import re
 import shutil
 import unicodedata
 import zlib
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -29,14 +29,14 @@ _LONGEST = 240
 _FORBIDDEN = re.compile(r"[/\x00-\x1f\x7f]")
 
 
-def make_stored_names(names: Sequence[str], taken: Collection[str] = ("time",)) -> dict[str, str]:
+def make_stored_names(names: Sequence[str]) -> dict[str, str]:
     """Names of netCDF variables for columns of any name, each once: netCDF has no slashes nor control characters.
 
     It begins with a letter, digit or underscore, ends with no space and is in Unicode's normal form C (NetCDF Users
-    Guide, appendix B).  Long ones, as of Modelica, are cut.  None is one of those that are ``taken``.
+    Guide, appendix B).  Long ones, as of Modelica, are cut.  None is ``time``.
     """
     stored: dict[str, str] = {}
-    known = set(taken)
+    known = {"time"}
     for name in names:
         plain = unicodedata.normalize("NFC", _FORBIDDEN.sub("_", name)).rstrip()
         if not plain or (ord(plain[0]) < 128 and not (plain[0].isalnum() or plain[0] == "_")):
@@ -134,6 +134,7 @@ class KeptRows:
 LEVEL = 1  # of zlib, with shuffled bytes: 4 takes a sixth longer, for files 0.3 % smaller
 WORTH = 0.6  # compressed over plain size up to which it is done
 MOST_COLUMNS = 1000  # of a run: to read one, netCDF looks at all of them, so that 10,000 would take 20 minutes
+LEAST_BYTES = 4_000_000  # below, 0.16 s to write all anew would save less than half of it
 _SAMPLE_ROWS = 1000
 _BLOCK_ROWS = 160_000
 
@@ -143,7 +144,7 @@ def finish_file(path: Path) -> None:
 
     Columns are compressed where that halves them, or nearly so: those that are constant or slow, half of the default
     system's.  What is left is noise, which would shrink by a fifth and take four times as long.  A file of more than
-    :data:`MOST_COLUMNS` stays as it is.
+    :data:`MOST_COLUMNS` stays as it is, and one below :data:`LEAST_BYTES` where no chunk is longer than its column.
 
     Raises OSError if it cannot be written; the file is there then, as the runs left it.
     """
@@ -158,7 +159,11 @@ def finish_file(path: Path) -> None:
     try:
         beside.unlink(missing_ok=True)
         with NETCDF_LOCK, netCDF4.Dataset(path) as old:
-            if max(len(group.variables) for group in (old, *old.groups.values())) > MOST_COLUMNS:
+            groups = old, *old.groups.values()
+            if max(len(group.variables) for group in groups) > MOST_COLUMNS:
+                return
+            times = [group["time"] for group in groups if "time" in group.variables]
+            if size < LEAST_BYTES and all(read_chunk_rows(time) <= time.size for time in times):
                 return
             with netCDF4.Dataset(beside, "w", format="NETCDF4") as new:
                 _copy_group(old, new)

@@ -11,7 +11,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from ..cosim import UsageError, Value
+from ..cosim import UsageError
 from ..pointing.spectra import rejection_percent
 from ..results.tables import Table, format_angles, format_number
 from ..runs.cases import Case, Outcome, run_case
@@ -107,7 +107,6 @@ def run_cases(
     options: RunOptions,
     target: Iterable[float],
     *,
-    values: Mapping[str, Value] | None = None,
     lead_steps: int = 0,
     prefix: str = "",
     explored: bool = False,
@@ -119,7 +118,6 @@ def run_cases(
     Parameters
     ----------
     target: roll, pitch, yaw, rad.
-    values: further start values of both runs, by ``component.variable``.
     lead_steps: steps to run before the duration of the options, left out of the statistics.
     prefix: of the two groups in results.nc, for scenarios with several orientations.
     explored, history: keep what a report to explore shows, and the whole history, see :class:`JitterRecord`.
@@ -142,7 +140,7 @@ def run_cases(
             options,
             Case(
                 prefix + name,
-                {**(values or {}), **targets, "isolator.enabled": enabled},
+                {**targets, "isolator.enabled": enabled},
                 lead_s=lead_steps * options.step_s,
             ),
             judge,

@@ -37,9 +37,9 @@ def find(run: Run) -> Findings:
     table = Table("Jitter of the payload: rotation by vibration, axes of P", HEADER, make_rows(found))
     rise = system.get_number("disturbance.rise_time")
     text = [
-        "Four FMUs in co-simulation: plant, commander, isolator and disturbance source. The disturbance acts on the "
-        "bus twice, without and with the feedforward isolator. Tables and figures cover the whole run; the "
-        f"disturbance rises from zero over the first {rise:g} s.",
+        f"FMUs in co-simulation: {', '.join(component.name for component in system.structure.components)}. The "
+        "disturbance acts on the bus twice, without and with the feedforward isolator. Tables and figures cover the "
+        f"whole run; the disturbance rises from zero over the first {rise:g} s.",
     ]
     refused = "" if found.reachable else explain_refusal(found.target_deg)
     return Findings(

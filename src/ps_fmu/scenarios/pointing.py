@@ -53,6 +53,7 @@ def find(run: Run) -> Findings:
         raise OptionError(f"--duration: expected {SHORTEST_S:g} s at least, got {options.duration_s:g} s")
     system = run.load(WHEEL)
     _check_components(system)
+    make_shaking(options.step_s, read_tracker(system).sample_time)  # refuses steps that cannot measure the loop
     given = read_target(system)
     target = given if any(given) else DEFAULT_TARGET
     plan = make_plan(system, options, target)
@@ -116,7 +117,9 @@ def make_case(name: str, enabled: bool, plan: Plan, target: Orientation) -> Case
 def _measure(
     system: RunSystem, options: RunOptions, loop: PointingLoop, plan: Plan, target: Orientation
 ) -> dict[str, MeasuredLoop]:
-    """The loop measured on the FMUs at the target, with nothing but the shaking."""
+    """The loop measured on the FMUs at the target, with nothing but the shaking; nothing of an unstable one."""
+    if len(loop.unstable):
+        return {}
     shaking = make_shaking(options.step_s, read_tracker(system).sample_time)
     values = dict(zip(TARGET, target, strict=True))
     with tqdm(total=3 * shaking.seeds, unit="run", disable=not options.progress, desc="loop cut open") as bar:

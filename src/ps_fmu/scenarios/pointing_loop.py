@@ -20,10 +20,12 @@ from ..interface.start_values import build_plant_and_isolator
 from ..mechanism.parameters import load
 from ..mechanism.quantities import Array, take_values
 from ..pointing.response import Response
+from ..runs.options import OptionError
 from ..runs.setup import RunSystem
 from ..sensors.line_of_sight import DEFAULT_TRACKER, Tracker
 from ..theory.line_of_sight import AXES, AxisMargins, PointingLoop, Timing, margins_of
 from ..theory.loop import loop_of
+from ..theory.sampled import LOOP_DELAY
 from .shaking import Shaking, measure_response
 
 SHAKEN, EYE = "shaken", "eye"
@@ -79,7 +81,7 @@ def build_loop(system: RunSystem, orientation: Array, step_s: float) -> Pointing
     # between plant and isolator adds a step.
     between = 0 if any(c.source.component == "plant" for c in structure.connections if _is_isolator(c.target)) else 1
     latency = system.get_number("sensors.latency") if between and "latency" in _names(system, "sensors") else 0.0
-    exchange = max(latency, between * step_s) + 1.5 * step_s
+    exchange = max(latency, between * step_s) + LOOP_DELAY * step_s
     loop = loop_of(plant, isolator, orientation, system.get_number("isolator.delay") + exchange)
     timing = Timing(
         sample_time=tracker.sample_time,
@@ -92,7 +94,16 @@ def build_loop(system: RunSystem, orientation: Array, step_s: float) -> Pointing
 
 
 def make_shaking(step_s: float, sample_time: float) -> Shaking:
-    """How the loop is shaken to measure it: rows at the tracker's samples, lines far below half their rate."""
+    """How the loop is shaken to measure it: rows at the tracker's samples, lines far below half their rate.
+
+    Raises OptionError if the samples are no whole number of steps apart, or a record no whole number of samples.
+    """
+    samples = np.array([sample_time / step_s, 5.0 / sample_time])
+    if np.abs(samples / samples.round() - 1.0).max() > 1e-9:
+        raise OptionError(
+            f"--step: the loop is measured at the samples of the tracker: expected a step that divides their distance "
+            f"(tracker.sample_time = {sample_time:g} s), which divides 5 s; got {step_s:g} s"
+        )
     return Shaking(
         half_period=20.0,
         settling=20.0,

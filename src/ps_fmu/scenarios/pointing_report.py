@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -19,9 +20,12 @@ from ..theory.line_of_sight import (
     LEAST_PHASE_DEG,
     AxisMargins,
     PointingLoop,
+    find_loop_margins,
     find_margins,
+    keeps_margins,
     split,
-)  # fmt: skip
+)
+from ..theory.stability import ADVICE, CommonMargins, describe_unstable
 from .exploration import chart_envelopes, chart_settled, show_mechanism
 from .jitter_record import EXPLORED_BINS
 from .pointing_loop import MeasuredLoop
@@ -47,10 +51,15 @@ class Pointing:
     measured: Mapping[str, MeasuredLoop]
     target_deg: tuple[float, float, float]
 
-    @property
+    @cached_property
     def expected(self) -> tuple[AxisMargins, ...]:
-        """Margins in closed form."""
-        return find_margins(self.loop)
+        """Margins of each axis in closed form; an unstable loop has none."""
+        return () if len(self.loop.unstable) else find_margins(self.loop)
+
+    @cached_property
+    def common(self) -> CommonMargins | None:
+        """Margins of the loop as a whole in closed form; None: it is unstable."""
+        return None if len(self.loop.unstable) else find_loop_margins(self.loop)
 
     @property
     def reached(self) -> bool | None:
@@ -67,7 +76,29 @@ class Pointing:
 
 
 def describe(pointing: Pointing) -> list[str]:
-    """What happened, and whether it is what was wanted: sentences for terminal and report."""
+    """What happened, and whether it is what was wanted: sentences for terminal and report; stability comes first."""
+    if pointing.common is None:
+        poles = describe_unstable(pointing.loop.unstable)
+        return [f"UNSTABLE line-of-sight loop, without margins: {poles}. {ADVICE}.", *_describe_run(pointing)]
+    return [*_describe_run(pointing), _describe_margins(pointing.expected, pointing.common)]
+
+
+def _describe_margins(axes: Sequence[AxisMargins], common: CommonMargins) -> str:
+    judged: list[AxisMargins | CommonMargins] = [*axes, common]
+    kept = "kept" if all(map(keeps_margins, judged)) else "NOT kept"
+    delay = "any delay" if np.isinf(common.delay_s) else f"a delay of {1e3 * common.delay_s:.0f} ms"
+    way = "falls" if common.lowers else "rises"
+    gain, phase = min(axis.gain_db for axis in axes), min(axis.phase_deg for axis in axes)
+    return (
+        f"Least margins in closed form, one axis changed: {gain:.1f} dB and {phase:.0f} deg. All axes changed alike: "
+        f"{common.gain_db:.1f} dB and {common.phase_deg:.0f} deg; it is at its edge when the gain of all {way} by so "
+        f"much, at {common.gain_hz:.3g} Hz, and stands {delay}. All axes changed at the same time, each by itself: "
+        f"{common.disk_gain_db:.1f} dB and {common.disk_phase_deg:.0f} deg (disk margin). {LEAST_GAIN_DB:g} dB and "
+        f"{LEAST_PHASE_DEG:g} deg, one axis or all alike, are {kept}."
+    )
+
+
+def _describe_run(pointing: Pointing) -> list[str]:
     on, off, plan = pointing.on, pointing.off, pointing.on.plan
     angles = ", ".join(f"{angle:g}" for angle in pointing.target_deg)
     said = [f"At {plan.start_s:g} s the target moves to ({angles}) deg; commander and tracker are told."]
@@ -99,13 +130,6 @@ def describe(pointing: Pointing) -> list[str]:
         )
     verdict = {True: "met", False: "NOT met", None: "not judged, run longer"}[pointing.reached]
     said.append(f"Error below the noise of a sample after the slew, and after the loss of lock: {verdict}.")
-    worst = min(pointing.expected, key=lambda axis: axis.gain_db)
-    least = min(axis.phase_deg for axis in pointing.expected)
-    kept = "kept" if all(axis.met for axis in pointing.expected) else "NOT kept"
-    said.append(
-        f"Least margins in closed form: {worst.gain_db:.1f} dB and {least:.0f} deg; {LEAST_GAIN_DB:g} dB and "
-        f"{LEAST_PHASE_DEG:g} deg are {kept}."
-    )
     return said
 
 
@@ -130,8 +154,23 @@ def make_tables(pointing: Pointing) -> list[Table]:
         ]
         deviation = "-" if found is None else "{:.2f}, {:.2f}".format(*found.deviation)
         lines.append((closed.axis, *(text for pair in pairs for text in pair), deviation))
+    if (common := pointing.common) is None:
+        return [errors]
     titles = ("axis", *(text for _, title, _ in MARGINS for text in (title, "measured")), "deviation (dB, deg)")
-    return [errors, Table("Margins of the loop, cut open at one axis, the others closed", titles, lines)]
+    whole = [
+        ("gain of all axes", f"{common.gain_db:.2f} dB", f"{common.gain_hz:.3f}"),
+        ("phase of all axes", f"{common.phase_deg:.2f} deg", f"{common.phase_hz:.3f}"),
+        ("delay of all axes", f"{1e3 * common.delay_s:.1f} ms", f"{common.delay_hz:.3f}"),
+        (
+            "gains and phases of the axes, each by itself (disk margin)",
+            f"{common.disk_gain_db:.2f} dB, {common.disk_phase_deg:.2f} deg", f"{common.disk_hz:.3f}",
+        ),
+    ]  # fmt: skip
+    return [
+        errors,
+        Table("Margins of the loop, cut open at one axis, the others closed", titles, lines),
+        Table("Margins of the loop as a whole, in closed form", ("what changes", "to the edge", "there (Hz)"), whole),
+    ]
 
 
 MARGINS = (
@@ -172,6 +211,8 @@ def list_results(pointing: Pointing) -> dict[str, object]:
             for closed in pointing.expected
             for found in (pointing.measured.get(closed.axis),)
         ],
+        "loop_margins": None if pointing.common is None else asdict(pointing.common),
+        "unstable_poles_rad_s": [[pole.real, pole.imag] for pole in pointing.loop.unstable],
     }  # fmt: skip
 
 

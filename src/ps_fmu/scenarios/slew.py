@@ -59,11 +59,11 @@ SHOWN = (("isolator off", "passive"), ("isolator on", "active"))
 
 DIRECTION = (
     "The nominal orientation is what the coarse legs set. The relative orientation, of the platform on the bus, "
-    "includes the fine legs. With the isolator off they come back to rest, and it equals the nominal one. With the "
-    "isolator on it does not, and must not: the slew turns the bus the other way (momentum is conserved), and the "
-    "isolator keeps the payload's direction in inertial space, so on the turned bus the payload differs from the "
-    "nominal orientation by the rotation of the bus. The fine legs add just that. The payload follows the bus slowly, "
-    "by the high-pass of the isolator (1e-4 Hz by default): that is the rotation that is left to the payload."
+    "includes the fine legs. Where nothing else acts and the isolator is off, they come back to rest, and it equals "
+    "the nominal one. With the isolator on it does not, and must not: the slew turns the bus the other way (momentum "
+    "is conserved), and the isolator keeps the payload's direction in inertial space, so on the turned bus the payload "
+    "differs from the nominal orientation by the rotation of the bus. The fine legs add that, less what the payload "
+    "turns: it follows the bus slowly, by the high-pass of the isolator."
 )
 
 

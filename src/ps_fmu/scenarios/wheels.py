@@ -26,7 +26,7 @@ from ..runs.run import Run
 from ..runs.setup import NOISE, RunSystem
 from ..theory.loop import Loop, loop_of
 from ..theory.natural_modes import NaturalMode, find_natural_modes
-from ..theory.sampled import from_wrench_stepped
+from ..theory.sampled import LOOP_DELAY, from_wrench_stepped
 from .comparison import (
     CASES,
     HEADER,
@@ -164,8 +164,10 @@ def build_loop(system: RunSystem, orientation: Sequence[float]) -> Loop:
 def make_response(loop: Loop, step_s: float, *, active: bool) -> Response:
     """From the wrench on the bus to the payload's rotation, as the FMUs step.
 
-    Other FMUs between plant and isolator are left out.
+    Other FMUs between plant and isolator are left out.  Raises :class:`..theory.stability.UnstableError`.
     """
+    if active:
+        loop.with_delay(loop.delay + LOOP_DELAY * step_s).require_stable()
 
     def respond(frequency: Array) -> Complex:
         controller = loop.controller if active else None

@@ -21,15 +21,15 @@ from ..requirements.verdict import Answer
 from ..results.page.cases import CaseColumn, CaseTable, Mark
 from ..results.page.content import Exploration
 from ..results.report import Picture, Report
-from ..results.style import ACTIVE, PASSIVE, REFERENCE, draw, engineering, largest, pretty
+from ..results.style import ACTIVE, PASSIVE, draw, engineering, largest, pretty
 from ..results.summary import FmuFile, plain, versions
 from ..results.tables import Table
 from .outcome import (
     CONFIDENCE,
     PROBABILITIES,
     Compliance,
-    Influence,
     Outcome,
+    Output,
     collect,
     count_statuses,
     find_failed,
@@ -37,16 +37,14 @@ from .outcome import (
 )
 from .preparation import list_columns
 from .rows import SIGNALS, list_reasons, list_stored
-from .study import LATIN, SAMPLES, SOBOL
+from .study import LATIN, LIST, MORRIS, SAMPLES, SOBOL, SOBOL_INDICES
 from .sweep import Prepared, SweepOptions
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-MEASURES = {
-    "sobol_total": "total Sobol' index", "morris_mu_star": "Morris' mean magnitude", "": "rank correlation"
-}  # fmt: skip
+SHARE, EFFECT = "share of the variance that each explains by itself", "mean magnitude mu* of the elementary effects"
 WORST_SHOWN = 1000  # of a study that is too large for the page: these are there in any case
 MOST_METRICS = 60
 CAPTION = (
@@ -58,7 +56,6 @@ MOST_SHOWN = 9  # outputs of a figure
 MOST_FACTORS = 12  # bars of an output
 COLUMNS = 3
 MARKED = "95 %"  # the percentile that is drawn
-CORRELATION = "rank correlation"
 SUMMARY, REPORT = "summary.json", "study.html"
 MOST_ROWS = 40  # of a table on the page; all are in summary.json
 STRONGEST = 5  # factors in a row of the ranking
@@ -70,7 +67,6 @@ def tabulate_cases(outcome: Outcome, command: tuple[str, str]) -> CaseTable | No
     ``command``: the texts before and after the number of a case in the command that runs it again.
     """
     stated = {one.output.name: one for one in outcome.percentiles}
-    rankings = {one.output.name: one.ranking[1].tolist() for one in outcome.influences}
     shown = [output for output in dict.fromkeys([*outcome.headlines, *outcome.outputs]) if output.name in stated]
     if not shown:
         return None
@@ -82,18 +78,24 @@ def tabulate_cases(outcome: Outcome, command: tuple[str, str]) -> CaseTable | No
         CaseColumn(
             output.title, output.unit, outcome.values(output), (), output.limit,
             [Mark(f"{100.0 * (one.probability or 0.0):g} %", one.value) for one in stated[output.name].stated],
-            rankings.get(output.name, []),
+            *_rank_factors(outcome, output),
         )
         for output in shown[:MOST_METRICS]
     ]  # fmt: skip
     failed = {case: f"{status}: {_cut(error)}" for case, status, error in find_failed(outcome)}
     worst = [case for case, _, _ in find_worst(outcome, WORST_SHOWN)]
-    return CaseTable("Cases", CAPTION, parameters, metrics, name_measure(outcome), command, failed, worst)
+    measure = EFFECT if outcome.plan.study.plan == MORRIS else SHARE
+    return CaseTable("Cases", CAPTION, parameters, metrics, measure, command, failed, worst)
 
 
-def name_measure(outcome: Outcome) -> str:
-    """What factors are ranked by, in words."""
-    return MEASURES[outcome.influences[0].ranking[0] if outcome.influences else ""]
+def _rank_factors(outcome: Outcome, output: Output) -> tuple[list[float], list[str], str]:
+    """What factors are ranked by, the same in words, and what is left; nothing where the output does not vary."""
+    influence = outcome.influences.get(output.name)
+    if influence is None:
+        return [], [], ""
+    places = range(len(outcome.plan.factors))
+    texts = [influence.describe(place, output.unit) or influence.describe_floor() for place in places]
+    return [influence.strength(place) for place in places], texts, influence.describe_left(outcome.plan)
 
 
 def _cut(error: str) -> str:
@@ -164,18 +166,43 @@ def describe_signals(folder: Path) -> list[str]:
 
 def list_notes(outcome: Outcome) -> list[str]:
     """How to read the tables."""
-    plan = outcome.plan.study.plan
-    if plan not in SAMPLES:
-        return [
-            f"The plan {plan!r} is no sample of the dispersed system: percentiles and shares are those of its points, "
-            "not probabilities."
-        ]
-    if plan in (LATIN, SOBOL):
-        return [
+    plan, study = outcome.plan, outcome.plan.study
+    notes = []
+    if not outcome.is_sample:
+        notes.append(
+            f"The plan {study.plan!r} is no sample of the dispersed system: shares and percentiles are those of its "
+            "points. There is no probability of meeting a requirement and no statement over all cases: plans that "
+            f"sample have them, {', '.join(SAMPLES)}."
+        )
+    elif study.plan in (LATIN, SOBOL) or study.correlations:
+        notes.append(
             "Intervals are those of independent cases. The points of this plan are spread more evenly, so the "
             "intervals are rather too wide."
-        ]
-    return []
+        )
+    if outcome.is_sample and plan.shared_seeds:
+        notes.append(
+            f"All cases have the same random numbers ({', '.join(plan.shared_seeds)}). Probabilities, intervals and "
+            "statements over all cases hold for this one record of noise: the cases are no independent samples of the "
+            "ensemble, and an ensemble or mixed requirement gets no verdict over all cases. "
+            'To have one, give each case its own: seeds = "independent", and no start value of a seed.'
+        )
+    if study.plan == MORRIS:
+        notes.append(
+            "Mean magnitude mu* and standard deviation of the elementary effects are for one standard deviation of the "
+            "parameter: of a linear dependence mu* is the standard deviation of the output that the parameter causes."
+        )
+    if plan.is_noisy and study.plan in (MORRIS, SOBOL_INDICES):
+        what = "effects" if study.plan == MORRIS else "total indices"
+        notes.append(
+            f"There are no {what}: they compare neighbours, which have other random numbers here. They need "
+            'seeds = "common".'
+        )
+    if study.correlations or study.plan == LIST:
+        notes.append(
+            "Parameters that vary together share what they explain: each one's share of the variance has a part of the "
+            "others', and the shares may add up to more than all."
+        )
+    return notes
 
 
 def list_warnings(outcome: Outcome) -> list[str]:
@@ -188,7 +215,7 @@ def list_warnings(outcome: Outcome) -> list[str]:
 def make_tables(outcome: Outcome, options: SweepOptions) -> list[Table]:
     """The tables of terminal and page; empty ones are left out."""
     tables = [
-        _tabulate_compliance(outcome.compliance),
+        _tabulate_compliance(outcome),
         _tabulate_worst(outcome, options),
         _tabulate_failed(outcome, options),
         _tabulate_percentiles(outcome),
@@ -197,27 +224,34 @@ def make_tables(outcome: Outcome, options: SweepOptions) -> list[Table]:
     return [table for table in tables if table.rows]
 
 
-def _tabulate_compliance(compliance: Sequence[Compliance]) -> Table:
+def _tabulate_compliance(outcome: Outcome) -> Table:
     rows = []
-    for one in compliance:
+    for one in outcome.compliance:
         low, high = one.below.interval()
+        likely = [f"{one.below.value:.4g}", f"{low:.4g} to {high:.4g}"] if outcome.is_sample else []
         rows.append((
-            one.output.title, f"{one.output.limit:g} {one.output.unit}",
-            f"{one.below.true} of {one.below.cases}", f"{one.below.value:.4g}", f"{low:.4g} to {high:.4g}",
-            f"{one.sure.true} of {one.sure.cases}", _describe_pooled(one),
+            one.output.title, f"{one.output.limit:g} {one.output.unit}", f"{one.below.true} of {one.below.cases}",
+            *likely, f"{one.sure.true} of {one.sure.cases}", _describe_pooled(one),
         ))  # fmt: skip
-    header = ("requirement", "limit", "met", "probability", f"{100 * CONFIDENCE:g} % interval",
-              "met with its confidence", "over all cases")  # fmt: skip
+    likely = ["probability", f"{100 * CONFIDENCE:g} % interval"] if outcome.is_sample else []
+    header = ("requirement", "limit", "met", *likely, "met with its confidence", "over all cases")
     if all(row[-1] == "-" for row in rows):
-        header, rows = header[:-1], [row[:-1] for row in rows]  # type: ignore[assignment, misc]
-    return Table("Probability of meeting each requirement (Clopper-Pearson)", header, rows)
+        header, rows = header[:-1], [row[:-1] for row in rows]
+    caption = "Probability of meeting each requirement (Clopper-Pearson)"
+    return Table(caption if outcome.is_sample else "Points of the plan that meet each requirement", header, rows)
 
 
 def _describe_pooled(one: Compliance) -> str:
     """The statement over all cases, and whether the requirement is met."""
     stated = one.pooled
-    if stated is None or one.answer is None:
+    if stated is None:
         return "-"
+    if one.answer is None:
+        of = "no bound" if math.isinf(stated.bound) else f"below {stated.bound:.4g}"
+        return (
+            f"no verdict: {stated.value:.4g} ({100.0 * (stated.probability or 0.0):g} % quantile), {of} with "
+            f"{100.0 * stated.confidence:g} % confidence, for the one record of noise that all cases have"
+        )
     answer = "NOT MET" if one.answer is Answer.NOT_MET else one.answer.value
     if stated.ensemble_share is None:
         return f"{answer}: {stated}"
@@ -253,25 +287,26 @@ def _tabulate_percentiles(outcome: Outcome) -> Table:
             rows.append((one.output.title, one.output.unit, f"{one.mean:.4g}", f"{one.std:.3g}", *cells,
                          f"{one.largest:.4g}"))  # fmt: skip
     header = ("output", "unit", "mean", "std", *(f"{100 * p:g} %" for p in PROBABILITIES), "largest")
-    return Table(f"Percentiles over the cases, with {100 * CONFIDENCE:g} % intervals", header, rows)
+    bounded = f", with {100 * CONFIDENCE:g} % intervals" if outcome.is_sample else ""
+    return Table(f"Percentiles over the cases{bounded}", header, rows)
 
 
 def _tabulate_ranking(outcome: Outcome) -> Table:
-    shown = {output.name for output in outcome.headlines}
-    ranked = [influence for influence in outcome.influences if influence.output.name in shown][:MOST_ROWS]
-    rows = [
-        (one.output.title, ", ".join(_describe_influence(one, outcome, place) for place in one.order[:STRONGEST]))
-        for one in ranked
-    ]
-    header = name_measure(outcome) + (" (first order)" if ranked and "sobol_total" in ranked[0].measures else "")
-    return Table("What the outputs depend on, the strongest first", ("output", header), rows)
-
-
-def _describe_influence(influence: Influence, outcome: Outcome, place: int) -> str:
-    (measure, values), name = influence.ranking, outcome.plan.factors[place].name
-    if measure == "sobol_total":
-        return f"{name} {values[place]:.2f} ({influence.measures['sobol_first'][place]:.2f})"
-    return f"{name} {values[place]:.3g}" if measure else f"{name} {values[place]:+.2f}"
+    rows: list[tuple[str, str, str, str]] = []
+    for output in outcome.headlines:
+        influence = outcome.influences.get(output.name)
+        if influence is None or len(rows) == MOST_ROWS:
+            continue
+        texts = [(outcome.plan.factors[k].name, influence.describe(k, output.unit)) for k in influence.order]
+        said = "; ".join(f"{name} {text}" for name, text in texts[:STRONGEST] if text)
+        rows.append((output.title, said or "none", influence.describe_floor(), influence.describe_left(outcome.plan)))
+    header = ("output", "the strongest first", "others", "what is left")
+    told = [place for place in range(4) if any(row[place] for row in rows)]
+    measure = EFFECT if outcome.plan.study.plan == MORRIS else f"{SHARE}, with its {100 * CONFIDENCE:g} % interval"
+    return Table(
+        f"What the outputs depend on: {measure}", [header[place] for place in told],
+        [[row[place] for place in told] for row in rows],
+    )  # fmt: skip
 
 
 def summarise(outcome: Outcome, prepared: Prepared, options: SweepOptions) -> dict[str, object]:
@@ -286,8 +321,9 @@ def summarise(outcome: Outcome, prepared: Prepared, options: SweepOptions) -> di
             {
                 "requirement": one.output.requirement and one.output.requirement.name, "run": one.output.run,
                 "signal": one.output.signal, "limit": one.output.limit, "unit": one.output.unit,
-                "cases": one.below.cases, "met": one.below.true, "probability": one.below.value,
-                "interval": one.below.interval(), "met_with_confidence": one.sure.true,
+                "cases": one.below.cases, "met": one.below.true,
+                "probability": one.below.value if outcome.is_sample else None,
+                "interval": one.below.interval() if outcome.is_sample else None, "met_with_confidence": one.sure.true,
                 "interpretation": one.output.requirement and one.output.requirement.interpretation.value,
                 "over_all_cases": None if one.pooled is None else {**asdict(one.pooled), "verdict": one.answer},
             }
@@ -311,13 +347,8 @@ def summarise(outcome: Outcome, prepared: Prepared, options: SweepOptions) -> di
         "failed": [
             {"case": case, "status": status, "error": error} for case, status, error in find_failed(outcome)
         ],
-        "sensitivity": {
-            influence.output.name: {
-                "rank_correlation": dict(zip(names, influence.rank_correlation.tolist(), strict=True)),
-                **{name: dict(zip(names, values.tolist(), strict=True)) for name, values in influence.measures.items()},
-            }
-            for influence in outcome.influences
-        },
+        "sensitivity": {name: one.as_dict(names) for name, one in outcome.influences.items()},
+        "notes": list_notes(outcome),
         "versions": versions(),
     }  # fmt: skip
 
@@ -349,7 +380,7 @@ def draw_all(table: CaseTable, headlines: int, folder: Path) -> list[Picture]:
     ``headlines``: so many of the metrics, from the first one on, are shown.
     """
     shown = table.metrics[: min(headlines, MOST_SHOWN)]
-    ranked = [metric for metric in shown if len(metric.ranking)]
+    ranked = [metric for metric in shown if np.isfinite(metric.ranking).any()]
     pictures = []
     if len(table) > 1:
         path = folder / "distribution.png"
@@ -360,8 +391,7 @@ def draw_all(table: CaseTable, headlines: int, folder: Path) -> list[Picture]:
         path, names = folder / "sensitivity.png", [parameter.title for parameter in table.parameters]
         height = 1.5 + 0.32 * min(MOST_FACTORS, len(names))
         _draw_grid(path, ranked, height, lambda axes, metric: _draw_ranking(axes, metric, names, table.measure))
-        caption = f"What the outputs depend on: {table.measure}; blue where the output rises with it, orange where not."
-        pictures.append(Picture(path, caption if table.measure == CORRELATION else f"{caption.partition(';')[0]}."))
+        pictures.append(Picture(path, f"What the outputs depend on: {table.measure}."))
         if len(names) > 1:
             path = folder / "scatter.png"
             _draw_scatter(path, table, ranked[0])
@@ -403,14 +433,12 @@ def _draw_distribution(axes: Axes, metric: CaseColumn) -> None:
 
 def _draw_ranking(axes: Axes, metric: CaseColumn, names: Sequence[str], measure: str) -> None:
     """Bars of each parameter, the strongest on top."""
-    order = _order(metric)[:MOST_FACTORS][::-1]
-    values = np.asarray(metric.ranking)[order]
-    axes.barh(range(len(order)), values, color=np.where(values < 0.0, PASSIVE, ACTIVE))
+    order = [place for place in _order(metric) if np.isfinite(metric.ranking[place])][:MOST_FACTORS][::-1]
+    axes.barh(range(len(order)), np.asarray(metric.ranking)[order], color=ACTIVE)
     axes.set_yticks(range(len(order)), [_wrap(names[place], 22) for place in order], fontsize=10)
-    if measure == CORRELATION:
-        axes.set_xlim(-1.0, 1.0)
-        axes.axvline(0.0, color=REFERENCE, lw=0.8)
-    axes.set_xlabel(measure)
+    if measure == SHARE:
+        axes.set_xlim(0.0, 1.0)
+    axes.set_xlabel(_wrap(measure))
 
 
 def _draw_scatter(path: Path, table: CaseTable, metric: CaseColumn) -> None:

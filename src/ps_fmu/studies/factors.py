@@ -82,8 +82,20 @@ class Spread:
             return np.asarray(self.low + u * (self.high - self.low))
         from scipy.stats import truncnorm
 
-        ends = (self.low - self.mean) / self.sigma, (self.high - self.mean) / self.sigma
-        return np.asarray(truncnorm.ppf(u, *ends, loc=self.mean, scale=self.sigma))
+        return np.asarray(truncnorm.ppf(u, *self._ends, loc=self.mean, scale=self.sigma))
+
+    @property
+    def deviation(self) -> float:
+        """Standard deviation."""
+        if not self.sigma:
+            return (self.high - self.low) / math.sqrt(12.0)
+        from scipy.stats import truncnorm
+
+        return float(truncnorm.std(*self._ends, scale=self.sigma))
+
+    @property
+    def _ends(self) -> tuple[float, float]:
+        return (self.low - self.mean) / self.sigma, (self.high - self.mean) / self.sigma
 
 
 @dataclass(frozen=True)
@@ -116,10 +128,20 @@ class Factor:
         return self.numbers[places]
 
     @property
+    def has_texts(self) -> bool:
+        """Whether levels are texts, which have no order."""
+        return any(isinstance(level, str) for level in self.levels)
+
+    @property
     def numbers(self) -> Array:
         """Draws (levels,) that stand for the levels: their values, or their places where they are texts."""
-        texts = any(isinstance(level, str) for level in self.levels)
+        texts = self.has_texts
         return np.array([place if texts else float(level) for place, level in enumerate(self.levels)], dtype=float)
+
+    @property
+    def deviation(self) -> float:
+        """Standard deviation of the draws."""
+        return float(self.numbers.std()) if self.spread is None else self.spread.deviation
 
     def values(self, draw: float) -> dict[str, Value]:
         """Start values by target."""

@@ -1,14 +1,11 @@
-"""The rows of a study with its plan, and what they say: percentiles, probabilities, worst cases, sensitivities.
-
-Sensitivity is rank correlation always, Sobol' indices and Morris' effects by their plans.
-"""
+"""The rows of a study with its plan, and what they say: percentiles, probabilities, worst cases, sensitivities."""
 
 from __future__ import annotations
 
 import io
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -24,9 +21,10 @@ from ..requirements.requirement import Requirement, find_targets
 from ..requirements.verdict import Answer
 from .bundle import PLAN
 from .observed import find_signals, label_index
-from .plan import MORRIS_LEVELS, Plan, describe_problem, study_shares
+from .plan import Plan
 from .rows import ANSWER, DONE, HISTOGRAM, VERDICT, RowStore, write_durably
-from .study import MORRIS, SOBOL_INDICES
+from .sensitivity import Influence, find_influences
+from .study import SAMPLES
 
 Array = NDArray[np.float64]
 
@@ -35,8 +33,6 @@ PROBABILITIES = (0.05, 0.5, 0.95, 0.99)
 CONFIDENCE = 0.9
 """Of the interval of each percentile and probability."""
 WORST = 5
-LEAST_CASES = 4  # for a rank correlation that says anything
-RESAMPLES = 200  # of the bootstrap of Sobol' indices
 
 
 @dataclass(frozen=True)
@@ -83,6 +79,11 @@ class Outcome:
             return np.full(len(self.table), np.nan)
         return np.asarray(self.table[output.name].to_numpy(dtype=float, na_value=np.nan))
 
+    @property
+    def is_sample(self) -> bool:
+        """Whether the cases are a sample of the dispersed system, so that shares of them are probabilities."""
+        return self.plan.study.plan in SAMPLES
+
     @cached_property
     def percentiles(self) -> list[Percentiles]:
         """Of all outputs that some case has."""
@@ -94,9 +95,10 @@ class Outcome:
         return find_compliance(self)
 
     @cached_property
-    def influences(self) -> list[Influence]:
-        """Of all outputs that vary."""
-        return find_influences(self)
+    def influences(self) -> dict[str, Influence]:
+        """Of the factors on the outputs that vary, by name."""
+        found = find_influences(self.plan, np.array([self.values(output) for output in self.outputs]))
+        return {output.name: one for output, one in zip(self.outputs, found, strict=True) if one is not None}
 
     @property
     def headlines(self) -> tuple[Output, ...]:
@@ -181,7 +183,8 @@ class Percentiles:
     least: float
     largest: float
     stated: tuple[Statement, ...]
-    """One for each of :data:`PROBABILITIES`, by order statistics of independent cases."""
+    """One for each of :data:`PROBABILITIES`, by order statistics of independent cases; of a plan that is no sample
+    without an interval."""
 
 
 @dataclass(frozen=True)
@@ -215,9 +218,10 @@ class Compliance:
     """The verdict of the case is "met": so is the bound of that one run, with the requirement's own confidence."""
     pooled: Statement | None
     """Over all cases, as the interpretation of the requirement says (ECSS-E-ST-60-10C, 4.1.4.2); None where a case has
-    no result, and for a peak.  See :func:`state_over_cases`."""
+    no result, for a peak, and for a plan that is no sample.  See :func:`state_over_cases`."""
     answer: Answer | None
-    """Whether it is met over all cases; None without a statement."""
+    """Whether it is met over all cases; None without a statement, and where the cases are no independent samples of the
+    ensemble, because they share random numbers: then the statement is on these."""
 
 
 def find_percentiles(outcome: Outcome) -> list[Percentiles]:
@@ -235,10 +239,15 @@ def find_percentiles(outcome: Outcome) -> list[Percentiles]:
                     float(values.std(ddof=1)) if len(values) > 1 else math.nan,
                     float(values.min()),
                     float(values.max()),
-                    tuple(quantile(values, probability, CONFIDENCE) for probability in PROBABILITIES),
+                    tuple(_state_percentile(outcome, values, probability) for probability in PROBABILITIES),
                 )
             )
     return found
+
+
+def _state_percentile(outcome: Outcome, values: Array, probability: float) -> Statement:
+    stated = quantile(values, probability, CONFIDENCE)
+    return stated if outcome.is_sample else replace(stated, lower=-math.inf, upper=math.inf, bound=math.inf)
 
 
 def find_compliance(outcome: Outcome) -> list[Compliance]:
@@ -255,7 +264,8 @@ def find_compliance(outcome: Outcome) -> list[Compliance]:
         met = answers.count(Answer.MET.value)
         below = int((values <= output.limit).sum())  # NaN is not
         pooled = state_over_cases(outcome, output)
-        answer = None if pooled is None else _answer(pooled, output.limit, answers)
+        shared = outcome.plan.shared_seeds and requirement.interpretation is not Interpretation.TEMPORAL
+        answer = None if pooled is None or shared else _answer(pooled, output.limit, answers)
         found.append(Compliance(output, Share(below, cases), Share(met, cases), pooled, answer))
     return found
 
@@ -269,7 +279,7 @@ def state_over_cases(outcome: Outcome, output: Output) -> Statement | None:
     confidence.
     """
     requirement, values = output.requirement, outcome.values(output)
-    if requirement is None or requirement.confidence is None or not np.isfinite(values).all():
+    if requirement is None or requirement.confidence is None or not np.isfinite(values).all() or not outcome.is_sample:
         return None
     if requirement.interpretation is Interpretation.MIXED:
         return outcome.pooled.get(output.name)
@@ -329,83 +339,3 @@ def _scale(outcome: Outcome, output: Output) -> Array:
     finite = values[np.isfinite(values)]
     unit = output.limit if output.limit is not None else float(np.median(finite)) if len(finite) else 1.0
     return np.asarray(values / (unit or 1.0))
-
-
-@dataclass(frozen=True)
-class Influence:
-    """Of the factors on an output; arrays (factors,)."""
-
-    output: Output
-    rank_correlation: Array
-    """Spearman's: 1 or -1 where the output rises or falls with the factor; NaN for a factor with one value."""
-    measures: Mapping[str, Array] = field(default_factory=dict)
-    """``sobol_first`` and ``sobol_total`` with their ``_low`` and ``_high``, ``morris_mu_star``, ``morris_sigma``."""
-
-    @property
-    def ranking(self) -> tuple[str, Array]:
-        """What factors are ranked by, and its values: total Sobol' index, Morris' mu*, or the rank correlation."""
-        for name in ("sobol_total", "morris_mu_star"):
-            if name in self.measures:
-                return name, self.measures[name]
-        return "", self.rank_correlation
-
-    @property
-    def order(self) -> list[int]:
-        """Places of the factors, the strongest first."""
-        strength = np.nan_to_num(np.abs(self.ranking[1]))
-        return [int(place) for place in strength.argsort()[::-1]]
-
-
-def find_influences(outcome: Outcome) -> list[Influence]:
-    """Of all outputs that vary; those with fewer than four cases are left out."""
-    found = []
-    for output in outcome.outputs:
-        values = outcome.values(output)
-        there = np.isfinite(values)
-        if there.sum() < LEAST_CASES or np.ptp(values[there]) == 0.0:
-            continue
-        measures: dict[str, Array] = {}
-        if there.all() and outcome.plan.study.plan == SOBOL_INDICES:
-            measures = _find_sobol(outcome, values)
-        elif there.all() and outcome.plan.study.plan == MORRIS:
-            measures = _find_morris(outcome, values)
-        found.append(Influence(output, _correlate(outcome.plan.draws[there], values[there]), measures))
-    return found
-
-
-def _correlate(draws: Array, values: Array) -> Array:
-    from scipy.stats import spearmanr
-
-    return np.array([
-        float(spearmanr(column, values).statistic) if np.ptp(column) > 0.0 else np.nan for column in draws.T
-    ])  # fmt: skip
-
-
-def _find_sobol(outcome: Outcome, values: Array) -> dict[str, Array]:
-    """Indices of first order and total (A. Saltelli and others, Comput. Phys. Commun. 181 (2010) 259-270)."""
-    from scipy.stats import sobol_indices
-
-    factors = len(outcome.plan.factors)
-    n = len(values) // (factors + 2)
-    f_A, f_B, f_AB = values[:n], values[n : 2 * n], values[2 * n :].reshape(factors, 1, n)
-    found = sobol_indices(func={"f_A": f_A[None], "f_B": f_B[None], "f_AB": f_AB}, n=n, rng=0)
-    spread = found.bootstrap(confidence_level=CONFIDENCE, n_resamples=RESAMPLES)
-    measures = {}
-    for name, index, interval in (
-        ("sobol_first", found.first_order, spread.first_order),
-        ("sobol_total", found.total_order, spread.total_order),
-    ):
-        measures[name] = np.ravel(index)
-        measures[f"{name}_low"] = np.ravel(interval.confidence_interval.low)
-        measures[f"{name}_high"] = np.ravel(interval.confidence_interval.high)
-    return measures
-
-
-def _find_morris(outcome: Outcome, values: Array) -> dict[str, Array]:
-    """Mean magnitude and spread of the elementary effects (M. D. Morris, Technometrics 33 (1991) 161-174)."""
-    from SALib.analyze import morris
-
-    factors = len(outcome.plan.factors)
-    shares = study_shares(outcome.plan.study, factors)
-    found = morris.analyze(describe_problem(factors), shares, values, num_levels=MORRIS_LEVELS, seed=0)
-    return {"morris_mu_star": np.asarray(found["mu_star"], dtype=float), "morris_sigma": np.asarray(found["sigma"])}

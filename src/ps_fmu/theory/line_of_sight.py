@@ -32,13 +32,15 @@ rotation that the tracker sees, f the controller's forces, w all that acts from 
 K has the controller as it steps, and what delays the loop.  y is linear in H, so that parts of H that add up to it, by
 mode for example, give parts of the loop's answer that add up to that.
 
-**Margins** are those of the loop cut open at one axis of P while the others stay closed.  The plant has a pure delay, a
-notch and nearly undamped modes, so python-control is given its frequency response, dense around the resonances.
+**Margins** of an axis are those of the loop cut open there while the others stay closed.  The plant has a pure delay, a
+notch and nearly undamped modes, so python-control is given its frequency response, dense around the resonances.  Those
+that all axes have in common are the loop's (:func:`.stability.find_common_margins`).  Both presume a stable loop.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -46,6 +48,7 @@ from numpy.typing import ArrayLike
 from ..control.pointing import PointingFilter
 from ..mechanism.quantities import Array, Complex
 from .loop import Loop
+from .stability import CommonMargins, UnstableError, find_common_margins, find_unstable
 from .transfer_matrices import Practical, place_frequencies
 from .transmissibility import from_wrench
 
@@ -102,7 +105,8 @@ class PointingLoop:
         return cut_axis(self.transfer(s), axis)
 
     def sensitivity(self, s: ArrayLike) -> Complex:
-        """S(s) = (E + L)^-1, (..., 3, 3)."""
+        """S(s) = (E + L)^-1, (..., 3, 3), of a loop that is stable; raises :class:`.stability.UnstableError`."""
+        self.require_stable()
         return np.asarray(np.linalg.inv(np.eye(3) + self.transfer(s)))
 
     def from_wrench(self, s: ArrayLike) -> Complex:
@@ -112,17 +116,23 @@ class PointingLoop:
 
     def from_target(self, s: ArrayLike) -> Complex:
         """S L: rotation of the target, or minus the tracker's noise (rad, P), to that of the payload, (..., 3, 3)."""
-        L = self.transfer(s)
-        return np.asarray(np.linalg.solve(np.eye(3) + L, L))
+        return np.asarray(self.sensitivity(s) @ self.transfer(s))
 
-    def noise_density(self, s: ArrayLike, noise_equivalent_angle_P: Array) -> Array:
-        """One-sided density of the rotation by the tracker's noise, (..., 3, 3), rad2/Hz.
+    @cached_property
+    def unstable(self) -> Complex:
+        """Poles of the closed loops in the right half-plane, rad/s, the one farthest to the right first."""
+        return find_unstable(self._characteristic, place_frequencies(self.loop.plant_poles(), 1e-5, 1e4, 150, 8))
 
-        Samples of standard deviation sigma, each held for T, have the density 2 T sigma^2 where Z_T is in L.
-        """
-        T = self.from_target(s)
-        density = np.diag(2.0 * self.timing.sample_time * np.asarray(noise_equivalent_angle_P) ** 2)
-        return np.asarray((T @ density @ np.swapaxes(T.conj(), -1, -2)).real)
+    def require_stable(self) -> None:
+        """Raise :class:`.stability.UnstableError`, with the poles, if a loop is unstable."""
+        if len(self.unstable):
+            raise UnstableError("line-of-sight loop with plant and isolator", self.unstable)
+
+    def _characteristic(self, s: Complex) -> Complex:
+        """Of both loops, without the integrators' poles at zero, (n,)."""
+        inner = self.loop.characteristic(s) if self.isolated else np.ones(s.shape)
+        at_rest = (s / (s + 1.0)) ** (3 * self.control.integrators)
+        return np.asarray(inner * np.linalg.det(np.eye(3) + self.transfer(s)) * at_rest)
 
     def frequencies(self, low: float = 1e-3, high: float = 200.0) -> Array:
         """Frequencies, Hz, dense around the resonances of the plant, (n,)."""
@@ -182,16 +192,11 @@ class AxisMargins:
     gain_db: float
     """Least distance of the gain from 0 dB where the phase is -180 deg, either way; inf: it is nowhere."""
     phase_deg: float
-    """Least phase above -180 deg where the gain is 0 dB."""
+    """Least distance of the phase from -180 deg where the gain is 0 dB, either way; inf: it is nowhere."""
     crossover_hz: float
     """Where that is."""
     modulus: float
     """Least distance of the loop transfer from -1: 1 over the peak of its sensitivity."""
-
-    @property
-    def met(self) -> bool:
-        """At least 6 dB and 30 deg."""
-        return self.gain_db >= LEAST_GAIN_DB and self.phase_deg >= LEAST_PHASE_DEG
 
 
 def find_margins(pointing: PointingLoop, frequency: Array | None = None) -> tuple[AxisMargins, ...]:
@@ -201,13 +206,24 @@ def find_margins(pointing: PointingLoop, frequency: Array | None = None) -> tupl
     return tuple(margins_of(frequency, cut_axis(L, k), axis) for k, axis in enumerate(AXES))
 
 
+def keeps_margins(margins: AxisMargins | CommonMargins) -> bool:
+    """At least 6 dB and 30 deg."""
+    return margins.gain_db >= LEAST_GAIN_DB and margins.phase_deg >= LEAST_PHASE_DEG
+
+
+def find_loop_margins(pointing: PointingLoop, frequency: Array | None = None) -> CommonMargins:
+    """Margins of the loop as a whole in closed form, at frequencies (n,), Hz."""
+    frequency = pointing.frequencies() if frequency is None else frequency
+    return find_common_margins(lambda f: pointing.transfer(2j * np.pi * f), frequency)
+
+
 def margins_of(frequency: Array, response: Complex, axis: str) -> AxisMargins:
-    """Margins of a loop transfer (n,) at frequencies (n,), Hz, against the point -1, by python-control."""
+    """Margins of a loop transfer (n,) of a stable loop at frequencies (n,), Hz, against -1, by python-control."""
     from control import frd, stability_margins  # 1 s to import
 
     found = stability_margins(frd(response, 2.0 * np.pi * frequency, smooth=True), returnall=True)
     gains, phases, moduli, _, crossings, _ = (np.atleast_1d(values) for values in found)
-    gain_db = np.abs(20.0 * np.log10(gains))
+    gain_db, phases = np.abs(20.0 * np.log10(gains)), np.abs(phases)
     least = int(np.argmin(phases)) if phases.size else None
     return AxisMargins(
         axis,
@@ -231,10 +247,9 @@ class SampledPointing:
     roll_measured: bool = True
     """The rotation about the boresight is seen, too."""
 
-    def response(self, frequency: Array) -> Complex:
-        """K, from the rotation that is to be taken away (3, rad, P) to forces (3, N), (n, 3, 3), at frequencies, Hz."""
+    def response(self, s: Complex) -> Complex:
+        """K, from the rotation that is to be taken away (3, rad, P) to forces (3, N), (n, 3, 3), at s (n,), rad/s."""
         t, h = self.timing, self.timing.step
-        s: Complex = np.asarray(2j * np.pi * np.asarray(frequency))
         Ad, Bd = self.control.hold(h)
         # In increments: for slow errors the states of the two integrators change by little in a step.
         A, B = (Ad - np.eye(len(Ad))) / h, (Bd[:, :3] / h).astype(complex)

@@ -31,12 +31,12 @@ from ..mechanism.linear_model import Plant, PlantModel
 from ..mechanism.parameters import Parameters
 from ..mechanism.quantities import Array, Complex
 from ..mechanism.signals import N_INPUTS, N_LOADS, OUTPUTS
+from .stability import UnstableError, count_poles, find_unstable, sort_poles
 from .transfer_matrices import Practical, place_frequencies
 
 if TYPE_CHECKING:
     from control import StateSpace
 
-_TURN = 0.15  # rad: the curve of det(E - L) is refined until no step turns by more
 _LOWEST, _HIGHEST = 1e-7, 1e5  # Hz: range of the Nyquist curve; beyond it L is below 1e-5
 _PADE_ORDER = 12
 
@@ -86,22 +86,21 @@ class Loop:
     # --- Poles --------------------------------------------------------------------------
 
     def unstable_poles(self) -> int:
-        """Zeros of det(E - L) in the right half-plane, by the argument principle along the imaginary axis.
+        """Zeros of det(E - L) in the right half-plane, by the argument principle along the imaginary axis."""
+        return count_poles(self.characteristic, self._frequencies)
 
-        The curve is refined until neighbouring points turn by less than 0.15 rad about the origin.
-        """
-        frequency = np.geomspace(_LOWEST, _HIGHEST, 2000)  # Hz
-        value = self.characteristic(2j * np.pi * frequency)
-        while True:
-            turn = np.angle(value[1:] / value[:-1])
-            coarse = np.flatnonzero((np.abs(turn) > _TURN) & (np.diff(frequency) > 1e-9 * frequency[1:]))
-            if coarse.size == 0:
-                break
-            between = 0.5 * (frequency[coarse] + frequency[coarse + 1])
-            frequency = np.insert(frequency, coarse + 1, between)
-            value = np.insert(value, coarse + 1, self.characteristic(2j * np.pi * between))
-        # Upwards along half of the axis; the other half is its mirror image, and det(E - L) is 1 far out.
-        return round(-float(turn.sum()) / np.pi)
+    def require_stable(self) -> None:
+        """Raise :class:`.stability.UnstableError`, with the poles, if the loop is unstable."""
+        if len(self._unstable):
+            raise UnstableError(f"plant and isolator with a delay of {self.delay:g} s", self._unstable)
+
+    @cached_property
+    def _unstable(self) -> Complex:
+        return find_unstable(self.characteristic, self._frequencies)
+
+    @cached_property
+    def _frequencies(self) -> Array:
+        return place_frequencies(self.plant_poles(), _LOWEST, _HIGHEST, 250, 8)
 
     def poles(self) -> Complex:
         """Poles of the closed loop within reach of a Pade approximation, refined with the exact delay, (n,), rad/s.
@@ -109,12 +108,12 @@ class Loop:
         Those to the right come first.  A loop with delay has infinitely many, ever further to the left.
         """
         if self.delay == 0.0:
-            return _from_the_right(np.linalg.eigvals(self._closed(0)).astype(complex))
+            return sort_poles(np.linalg.eigvals(self._closed(0)).astype(complex))
         rough = np.linalg.eigvals(self._closed(_PADE_ORDER))
         # Not the free base at zero, which the loop does not move, nor where the approximation of the delay ends.
         usable = (np.abs(rough) > 1e-6) & (np.abs(rough) < _PADE_ORDER / self.delay) & (rough.imag >= 0.0)
         found = np.array([pole for start in rough[usable] if (pole := self._refined(start)) is not None])
-        return _from_the_right(_distinct(np.concatenate([found, found[found.imag > 0.0].conj()])))
+        return sort_poles(_distinct(np.concatenate([found, found[found.imag > 0.0].conj()])))
 
     def plant_poles(self) -> Complex:
         """Poles of the plant alone, rad/s."""
@@ -231,10 +230,6 @@ def _distinct(values: Complex) -> Complex:
         if all(abs(value - other) > 1e-6 * abs(value) for other in kept):
             kept.append(complex(value))
     return np.array(kept)
-
-
-def _from_the_right(poles: Complex) -> Complex:
-    return np.asarray(poles[np.argsort(-poles.real)])
 
 
 FINE_FORCES = [f"fine_force_{i}" for i in (1, 2, 3)]  # N

@@ -39,12 +39,14 @@ from ..mechanism.quantities import Array, Complex, ParameterError
 from ..mechanism.signals import ADDED, N_LOADS, N_OUTPUTS, OUTPUTS, output_slices
 from ..sensors.inertial import ACCELEROMETERS, InertialSensors
 from .loop import Loop
+from .stability import UnstableError, find_growing
 from .transfer_matrices import Practical
 
 FORCES = tuple(f"fine_force_{i}" for i in (1, 2, 3))  # N
 WRENCH = tuple(f"base_{kind}.{axis}" for kind in ("force", "torque") for axis in "xyz")  # N, N.m; B at its origin
 ACCELERATION = tuple(f"base_{kind}.{axis}" for kind in ("acceleration", "angular_acceleration") for axis in "xyz")
 LONGEST_DELAY = 40  # steps that a delay line has states for; the time to solve grows with the third power of all states
+LOOP_DELAY = 1.5  # steps of delay in the loop: the exchange takes one, a force held for a step is half a step late
 _AT_ONCE = 64  # frequencies: 8 MB with the isolator
 _GONE = 1e-6  # a pole of the samples below it has died away within a step
 _FORCES, _WRENCH, _ACCELERATION = slice(0, 3), slice(3, N_LOADS), slice(0, 6)  # of the plant's inputs and outputs
@@ -239,7 +241,12 @@ class SteppedLoop:
     """s."""
 
     def response(self, frequency: ArrayLike) -> Complex:
-        """From the samples of the wrench to those of the outputs, (n, outputs, 6), at frequencies (n,), Hz, above 0."""
+        """From the samples of the wrench to those of the outputs, (n, outputs, 6), at frequencies (n,), Hz, above 0.
+
+        Raises :class:`.stability.UnstableError`.
+        """
+        if len(growing := find_growing(self.poles())):
+            raise UnstableError("plant and isolator as they step", growing)
         z = np.exp(2j * np.pi * self.step * np.asarray(frequency, dtype=float))
         return _solve(self.A, self.B, self.L, self.E, z)
 

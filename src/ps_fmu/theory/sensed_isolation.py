@@ -27,10 +27,15 @@ from ..mechanism.quantities import Array, Complex
 from ..sensors.inertial import ACCELEROMETERS, InertialSensors
 from .line_of_sight import Timing, hold_mean
 from .loop import Loop
+from .sampled import LOOP_DELAY
+from .stability import count_poles
 from .transfer_matrices import Practical, place_frequencies
 
-LOOP_DELAY = 1.5  # communication steps: the exchange takes one, a force that is held for a step is half a step late
+Pointing = tuple[PointingFilter, Timing] | None
+"""Controller and timing of a line-of-sight loop; None: there is none."""
 LOWEST, HIGHEST = 1e-4, 2e3  # Hz, of the integrals: below, the high-passed errors add less than 1 %
+_LINE = (1e-7, 5e3)  # Hz, of the curve that poles are counted by
+_MANY = 400  # frequencies
 AT_REST = 1e-3  # of the corner: there the high-pass passes what is constant to 1e-6
 
 
@@ -57,10 +62,8 @@ class SensedIsolation:
         edges = np.concatenate([self.noise.band * (1.0 - 1e-9), self.noise.band * (1.0 + 1e-9)])
         return np.unique(np.concatenate([grid, edges[(edges > LOWEST) & (edges < HIGHEST)]]))
 
-    def solve(
-        self, sensors: InertialSensors | None, corner: float, pointing: tuple[PointingFilter, Timing] | None = None
-    ) -> Responses:
-        """The transfer matrices to the payload's rotation.
+    def solve(self, sensors: InertialSensors | None, corner: float, pointing: Pointing = None) -> Responses:
+        """The transfer matrices to the payload's rotation; :meth:`is_stable` says whether they mean anything.
 
         Parameters
         ----------
@@ -68,23 +71,39 @@ class SensedIsolation:
         corner: of its high-pass, Hz.
         pointing: controller and timing of a line-of-sight loop; None: there is none.
         """
-        A, B, C, D = self._plant
-        eye = np.eye(3)
-        inner: Complex = np.asarray(np.tile(eye, (len(self._s), 1, 1)), dtype=complex)
-        to_noise = np.zeros((len(self._s), 3, 6), dtype=complex)
-        F = np.zeros((len(self._s), 3, 6), dtype=complex)
+        (A, B, _, D), eye = self._find_plant(self._s), np.eye(3)
+        loops = self._close(self._s, sensors, corner, pointing)
+        to_wrench, to_noise = B + A @ loops.inner @ loops.F @ D, A @ loops.inner @ loops.K
+        to_target: Complex = np.zeros((len(self._s), 3, 3), dtype=complex)
+        if pointing is not None:
+            S = np.linalg.inv(eye + loops.L)
+            to_noise, to_wrench, to_target = S @ to_noise, S @ to_wrench, S @ loops.L
+        return Responses(self, to_wrench, to_noise, to_target, sensors, corner, pointing)
+
+    def is_stable(self, sensors: InertialSensors | None, corner: float, pointing: Pointing = None) -> bool:
+        """Whether the closed loops have no pole in the right half-plane; arguments as in :meth:`solve`."""
+        at_rest = 0 if pointing is None else 3 * pointing[0].integrators
+
+        def characteristic(s: Complex) -> Complex:
+            loops = self._close(s, sensors, corner, pointing)
+            outer = np.linalg.det(np.eye(3) + loops.L) * (s / (s + 1.0)) ** at_rest
+            return np.asarray(outer / np.linalg.det(loops.inner))
+
+        return count_poles(characteristic, self._line) == 0
+
+    def _close(self, s: Complex, sensors: InertialSensors | None, corner: float, pointing: Pointing) -> _Loops:
+        """What closes the loops at s (n,), rad/s."""
+        A, _, C, _ = self._find_plant(s)
+        K = F = np.zeros((len(s), 3, 6), dtype=complex)
+        inner, L = np.tile(np.eye(3, dtype=complex), (len(s), 1, 1)), np.zeros((1, 3, 3), dtype=complex)
         if sensors is not None:
-            K = self._control(corner)
-            F = K * (self._s**2 * sensing_response(sensors, self.frequency, self.step))[:, None, None]
-            inner = np.asarray(np.linalg.inv(eye - F @ C))
-            to_noise = A @ inner @ K
-        to_wrench, to_target = B + A @ inner @ F @ D, np.zeros((len(self._s), 3, 3), dtype=complex)
+            K = self._control(s, corner)
+            F = K * (s**2 * sensing_response(sensors, s.imag / (2.0 * np.pi), self.step))[:, None, None]
+            inner = np.linalg.inv(np.eye(3) - F @ C)
         if pointing is not None:
             control, timing = pointing
-            L = A @ inner @ control.response(self._s) * timing.factor(self._s)[:, None, None]
-            S = np.linalg.inv(eye + L)
-            to_noise, to_wrench, to_target = S @ to_noise, S @ to_wrench, S @ L
-        return Responses(self, to_wrench, to_noise, to_target, sensors, corner, pointing)
+            L = A @ inner @ control.response(s) * timing.factor(s)[:, None, None]
+        return _Loops(np.asarray(K), np.asarray(F), np.asarray(inner), np.asarray(L))
 
     @cached_property
     def wrench_density(self) -> Array:
@@ -98,23 +117,46 @@ class SensedIsolation:
         return np.asarray(2j * np.pi * self.frequency)
 
     @cached_property
-    def _plant(self) -> tuple[Complex, Complex, Complex, Complex]:
-        """A, B in axes of P, C and D."""
-        plant, to_P = Practical(self.loop.model.dynamics), self.loop.model.dynamics.pose.rotation_BP.T
-        s = self._s
-        return to_P @ plant.A(s), to_P @ plant.B(s), plant.C(s), plant.D(s)
+    def _line(self) -> Array:
+        """Frequencies, Hz, of the curve that poles are counted by."""
+        return place_frequencies(self.loop.plant_poles(), *_LINE, 150, 8)
+
+    def _find_plant(self, s: Complex) -> tuple[Complex, Complex, Complex, Complex]:
+        """A, B in axes of P, C and D, at s (n,), rad/s.  Kept where there are many frequencies: they come again."""
+        key = s.tobytes()
+        if (known := self._known.get(key)) is not None:
+            return known
+        A, B, C, D = Practical(self.loop.model.dynamics).all(s)
+        to_P = self.loop.model.dynamics.pose.rotation_BP.T
+        found = np.asarray(to_P @ A), np.asarray(to_P @ B), C, D
+        if len(s) > _MANY:
+            self._known[key] = found
+        return found
 
     @cached_property
-    def _lowpass(self) -> Complex:
-        """M(s), (n,)."""
-        return self.loop.controller.lowpass.response(self._s)
+    def _known(self) -> dict[bytes, tuple[Complex, Complex, Complex, Complex]]:
+        return {}
 
-    def _control(self, corner: float) -> Complex:
+    def _control(self, s: Complex, corner: float) -> Complex:
         """K_we(s) with its delay, from acceleration to force, (n, 3, 6)."""
-        controller, s = self.loop.controller, self._s
+        controller = self.loop.controller
         tuned = replace(controller, filters=replace(controller.filters, highpass_frequency=corner))
         delayed = np.exp(-s * (self.loop.delay + LOOP_DELAY * self.step))
-        return tuned.combine(s, self._lowpass) * delayed[:, None, None]
+        return np.asarray(tuned.response(s) * delayed[:, None, None])
+
+
+@dataclass(frozen=True, eq=False)
+class _Loops:
+    """What closes the loops of isolator and tracker, at n frequencies."""
+
+    K: Complex
+    """From acceleration to force, (n, 3, 6); 0: the isolator is off."""
+    F: Complex
+    """From base displacement to force, (n, 3, 6)."""
+    inner: Complex
+    """(E - F C)^-1, (n, 3, 3)."""
+    L: Complex
+    """Transfer of the line-of-sight loop, (n, 3, 3) or (1, 3, 3): there is none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +172,7 @@ class Responses:
     """From the rotation of the target, or minus the tracker's noise (rad, P), (n, 3, 3); 0 without a loop."""
     sensors: InertialSensors | None
     corner: float
-    pointing: tuple[PointingFilter, Timing] | None
+    pointing: Pointing
 
     @cached_property
     def disturbance_density(self) -> Array:

@@ -5,7 +5,8 @@ With the practical plant and the controller of a :class:`.loop.Loop`, ``f = K_we
     passive   theta_p = G_P q_b                              theta_p = B w_b
     active    theta_p = (G_P + (A - G_P C) F) q_b            theta_p = (B + A F (E - C F)^-1 D) w_b
 
-with F the controller from base displacement to force.  All rotations are in axes of the platform P.
+with F the controller from base displacement to force.  All rotations are in axes of the platform P.  Active, an
+unstable loop is refused: :class:`.stability.UnstableError`.
 """
 
 from __future__ import annotations
@@ -48,7 +49,8 @@ def singular_values_db(matrix: Complex) -> Array:
 
 
 def _force(loop: Loop, s: Complex) -> Complex:
-    """F(s): base displacement to fine force, (..., 3, 6)."""
+    """F(s) of a loop that is stable: base displacement to fine force, (..., 3, 6)."""
+    loop.require_stable()
     gain = s * s * np.exp(-s * loop.delay)
     return np.asarray(loop.controller.response(s) * gain[..., None, None])
 

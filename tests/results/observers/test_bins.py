@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.claims import verify_claim
 
 from ps_fmu.results.observers.bins import EnvelopeObserver, MeanObserver
 
@@ -27,8 +28,16 @@ def test_bins_equal_the_direct_computation_for_any_cut(columns, feed, cuts, rows
     for time in (envelope.time, means.time):
         assert len(time) <= 2 * bins
         np.testing.assert_allclose(time, starts * 0.1, rtol=1e-12)
-    np.testing.assert_array_equal(envelope.low, np.minimum.reduceat(values[:, [0, 3]], starts).T)
-    np.testing.assert_array_equal(envelope.high, np.maximum.reduceat(values[:, [0, 3]], starts).T)
+    ends = [one.reduceat(values[:, [0, 3]], starts).T for one in (np.minimum, np.maximum)]
+    verify_claim(
+        "spectrum.envelope",
+        claim="Curves over time: least and largest value of each stretch, no peak lost",
+        where="report of `ps-fmu run`: charts over time, PNG files",
+        reference="least and largest of the rows, for runs and stretches of any length",
+        error=np.abs(np.array([envelope.low, envelope.high]) - ends),
+        bound=0.0,
+        unit="of the signal",
+    )
     expected = [values[start : start + width, [0, 3]].mean(axis=0) for start in starts]
     np.testing.assert_allclose(means.values.T, expected, rtol=1e-12, atol=1e-14)
     np.testing.assert_array_equal(means.of(["b.v", "a.x"]), means.values[::-1].T)

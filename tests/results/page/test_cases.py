@@ -137,9 +137,10 @@ def test_other_columns_are_drawn(page):
 def test_the_ranking_has_the_strongest_first(page):
     names = page.evaluate(
         "[...document.querySelectorAll('.ranking button')]"
-        ".map((e) => e.children[0].textContent + e.children[2].textContent)"
+        ".map((e) => [e.children[0].textContent, e.children[1].firstChild.style.width, e.children[2].textContent])"
     )
-    assert names == ["payload.mass0.9", "isolator.mode\N{MINUS SIGN}0.1"]
+    assert names == [["payload.mass", "90%", "90 %, rising"], ["isolator.mode", "0%", "not above 5 %"]]
+    assert page.text(".ranking p") == "What is left: 8 % by the seed."
 
 
 def test_the_distribution_is_shown_as_shares(page):

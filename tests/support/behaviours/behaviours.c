@@ -190,40 +190,8 @@ fmi2Status fmi2GetBooleanStatus(fmi2Component c, const fmi2StatusKind what, fmi2
     return what == fmi2Terminated ? fmi2OK : fmi2Discard;
 }
 
-fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *state)
-{
-    if (*state == NULL)
-        *state = malloc(sizeof(Model));
-    memcpy(*state, c, sizeof(Model));
-    return fmi2OK;
-}
-
-fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate state)
-{
-    memcpy(c, state, sizeof(Model));
-    return fmi2OK;
-}
-
-fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate *state)
-{
-    (void)c;
-    free(*state);
-    *state = NULL;
-    return fmi2OK;
-}
-
-/* Nobody calls these, but section 2.3 wants all functions. */
-#define ABSENT(name, ...) fmi2Status fmi2##name(fmi2Component c, __VA_ARGS__) { (void)c; return fmi2Error; }
-#pragma GCC diagnostic ignored "-Wunused-parameter"
-ABSENT(SetDebugLogging, fmi2Boolean on, size_t n, const fmi2String names[])
-ABSENT(SerializedFMUstateSize, fmi2FMUstate s, size_t *n)
-ABSENT(SerializeFMUstate, fmi2FMUstate s, fmi2Byte b[], size_t n)
-ABSENT(DeSerializeFMUstate, const fmi2Byte b[], size_t n, fmi2FMUstate *s)
+#define KEPT(c) ((Model *)(c))
+#include "../fmi2_rest.h"
 ABSENT(GetDirectionalDerivative, const fmi2ValueReference u[], size_t n, const fmi2ValueReference k[], size_t m,
        const double d[], double e[])
 ABSENT(SetRealInputDerivatives, const fmi2ValueReference r[], size_t n, const int o[], const double v[])
-ABSENT(GetRealOutputDerivatives, const fmi2ValueReference r[], size_t n, const int o[], double v[])
-ABSENT(GetStatus, const fmi2StatusKind what, fmi2Status *value)
-ABSENT(GetIntegerStatus, const fmi2StatusKind what, int *value)
-ABSENT(GetStringStatus, const fmi2StatusKind what, fmi2String *value)
-fmi2Status fmi2CancelStep(fmi2Component c) { (void)c; return fmi2Error; }

@@ -171,55 +171,6 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReferenc
     return fmi2OK;
 }
 
-fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *state)
-{
-    if (*state == NULL)
-        *state = malloc(sizeof(State));
-    memcpy(*state, &((Instance *)c)->state, sizeof(State));
-    return fmi2OK;
-}
-
-fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate state)
-{
-    memcpy(&((Instance *)c)->state, state, sizeof(State));
-    return fmi2OK;
-}
-
-fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate *state)
-{
-    (void)c;
-    free(*state);
-    *state = NULL;
-    return fmi2OK;
-}
-
-fmi2Status fmi2SerializedFMUstateSize(fmi2Component c, fmi2FMUstate state, size_t *size)
-{
-    (void)c, (void)state;
-    *size = sizeof(State);
-    return fmi2OK;
-}
-
-fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate state, fmi2Byte bytes[], size_t size)
-{
-    (void)c;
-    if (size < sizeof(State))
-        return fmi2Error;
-    memcpy(bytes, state, sizeof(State));
-    return fmi2OK;
-}
-
-fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte bytes[], size_t size, fmi2FMUstate *state)
-{
-    (void)c;
-    if (size != sizeof(State))
-        return fmi2Error;
-    if (*state == NULL)
-        *state = malloc(sizeof(State));
-    memcpy(*state, bytes, sizeof(State));
-    return fmi2OK;
-}
-
 #define DONE(name) fmi2Status fmi2##name(fmi2Component c) { (void)c; return fmi2OK; }
 DONE(EnterInitializationMode)
 DONE(ExitInitializationMode)
@@ -231,18 +182,11 @@ fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean a, fmi2Real b, fmi2R
     return fmi2OK;
 }
 
-/* Not used, but section 2.3 wants all functions. */
-#define ABSENT(name, ...) fmi2Status fmi2##name(fmi2Component c, __VA_ARGS__) { (void)c; return fmi2Error; }
-#pragma GCC diagnostic ignored "-Wunused-parameter"
-ABSENT(SetDebugLogging, fmi2Boolean on, size_t n, const fmi2String names[])
+#define KEPT(c) (&((Instance *)(c))->state)
+#include "../fmi2_rest.h"
 ABSENT(SetInteger, const fmi2ValueReference r[], size_t n, const int v[])
 ABSENT(SetBoolean, const fmi2ValueReference r[], size_t n, const int v[])
 ABSENT(SetString, const fmi2ValueReference r[], size_t n, const fmi2String v[])
 ABSENT(GetInteger, const fmi2ValueReference r[], size_t n, int v[])
 ABSENT(GetBoolean, const fmi2ValueReference r[], size_t n, int v[])
 ABSENT(GetString, const fmi2ValueReference r[], size_t n, fmi2String v[])
-ABSENT(GetRealOutputDerivatives, const fmi2ValueReference r[], size_t n, const int o[], double v[])
-ABSENT(GetStatus, const fmi2StatusKind what, fmi2Status *value)
-ABSENT(GetIntegerStatus, const fmi2StatusKind what, int *value)
-ABSENT(GetStringStatus, const fmi2StatusKind what, fmi2String *value)
-fmi2Status fmi2CancelStep(fmi2Component c) { (void)c; return fmi2Error; }

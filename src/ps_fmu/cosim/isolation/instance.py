@@ -226,7 +226,7 @@ LONGEST_S = 1e6
 
 
 def add_isolation_options(parser: argparse._ActionsContainer) -> None:
-    """Add the options; :func:`read_isolation` reads what was given."""
+    """Add the options; :func:`make_isolation` takes what was given."""
     chosen = parser.add_mutually_exclusive_group()
     chosen.add_argument(
         "--isolate", action="store_true",
@@ -246,16 +246,6 @@ def add_isolation_options(parser: argparse._ActionsContainer) -> None:
         help="the same for all other calls: to instantiate, initialise, terminate and free an FMU, in seconds "
         f"({CALL_TIMEOUT_S:g}, or the time-out of a step if that is longer)",
     )  # fmt: skip
-
-
-def read_isolation(arguments: argparse.Namespace) -> Isolation | None:
-    """What the parsed options ask for; None if no FMU is to be isolated.
-
-    Raises :class:`UsageError`: a time-out that is no time, or without isolated FMUs.
-    """
-    return make_isolation(
-        arguments.isolate or arguments.isolate_only, arguments.step_timeout, arguments.call_timeout
-    )
 
 
 def make_isolation(

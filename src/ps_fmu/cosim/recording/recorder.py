@@ -71,7 +71,6 @@ class Recorder:
     select: names of the columns to store; by default all
     attributes: attributes of the group (numbers or text)
     append: add the group to an existing file
-    file: the same file, if the caller has it open for writing; it stays open, with all rows on the disk
     rows: how many the run will have, if that is known; it may have others
 
     Raises :class:`UsageError` for arguments that do not fit, :class:`RecorderError` if the file cannot be
@@ -89,7 +88,6 @@ class Recorder:
         select: Sequence[str] | None = None,
         attributes: Mapping[str, str | float] | None = None,
         append: bool = False,
-        file: Any = None,
         rows: int | None = None,
     ) -> None:
         self.path = Path(path)
@@ -110,8 +108,7 @@ class Recorder:
         self._seen_early: int | None = None
         self._written = 0
         self._last_write = wall_clock.perf_counter()
-        self._dataset: Any = file
-        self._stays_open = file is not None
+        self._dataset: Any = None
         self._journal: RowJournal | None = None
         self._journaled = 0  # of the pending rows
         self._check_space(self._chunk)
@@ -183,8 +180,7 @@ class Recorder:
         self.store(*self._thinner.finish())
         self._write()  # all is on the disk then
         with self._guard():
-            if not self._stays_open:
-                self._dataset.close()
+            self._dataset.close()
         self._dataset = None
 
     def __enter__(self) -> Self:
@@ -201,13 +197,12 @@ class Recorder:
             error.add_note(str(second))
 
     def _create(self, run: str, attributes: Mapping[str, str | float], append: bool) -> None:
-        if self._dataset is None:
-            import netCDF4
+        import netCDF4
 
-            self.path.parent.mkdir(parents=True, exist_ok=True)
-            if not append:
-                self.path.unlink(missing_ok=True)  # whoever still reads an older result keeps it
-            self._dataset = netCDF4.Dataset(self.path, "a" if append else "w", format="NETCDF4")
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        if not append:
+            self.path.unlink(missing_ok=True)  # whoever still reads an older result keeps it
+        self._dataset = netCDF4.Dataset(self.path, "a" if append else "w", format="NETCDF4")
         self._dataset.Conventions = CONVENTIONS
         if run in self._dataset.groups:
             raise UsageError(f"{self.path}: has a run {run!r} already")

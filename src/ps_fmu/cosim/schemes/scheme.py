@@ -12,8 +12,6 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-import msgspec
-
 from ..clock import count_steps
 from ..errors import UsageError
 
@@ -129,13 +127,8 @@ class Scheme:
         return 1 if self.extrapolation == "hold" else 2
 
     def as_dict(self) -> dict[str, Any]:
-        """As JSON knows it; :meth:`from_dict` reads it."""
+        """As JSON knows it."""
         return asdict(self)
-
-    @classmethod
-    def from_dict(cls, found: Mapping[str, Any]) -> Scheme:
-        """What :meth:`as_dict` has written."""
-        return msgspec.convert(found, cls)
 
     def get_rate(self, component: str) -> Rate:
         """The rate of a component."""

@@ -68,10 +68,8 @@ class _BinObserver(ColumnObserver):
 
     KEPT: ClassVar[tuple[str, ...]] = ("_rows_per_bin", "_rows", "_time")
 
-    def __init__(
-        self, columns: Sequence[NamedColumn], names: Sequence[str], *, bins: int = 1500, start_s: float = -math.inf
-    ) -> None:
-        super().__init__(columns, names, start_s=start_s)
+    def __init__(self, columns: Sequence[NamedColumn], names: Sequence[str], *, bins: int = 1500) -> None:
+        super().__init__(columns, names)
         if bins < 1:
             raise ValueError(f"bins: expected 1 or more, got {bins}")
         self._bins = 2 * bins
@@ -114,7 +112,7 @@ class _BinObserver(ColumnObserver):
         """How many bins have rows; raises ``ValueError`` if none has been seen."""
         self.take_held()
         if not self._rows:
-            raise ValueError(f"no rows seen at or after {self.start_s} s")
+            raise ValueError("no rows seen")
         return math.ceil(self._rows / self._rows_per_bin)
 
 
@@ -123,10 +121,8 @@ class EnvelopeObserver(_BinObserver):
 
     KEPT = (*_BinObserver.KEPT, "_low", "_high")
 
-    def __init__(
-        self, columns: Sequence[NamedColumn], names: Sequence[str], *, bins: int = 1500, start_s: float = -math.inf
-    ) -> None:
-        super().__init__(columns, names, bins=bins, start_s=start_s)
+    def __init__(self, columns: Sequence[NamedColumn], names: Sequence[str], *, bins: int = 1500) -> None:
+        super().__init__(columns, names, bins=bins)
         self._low = np.full((len(self.names), self._bins), np.inf)
         self._high = np.full((len(self.names), self._bins), -np.inf)
 

@@ -21,13 +21,12 @@ Array = NDArray[np.float64]
 
 
 class Welch(ColumnObserver):
-    """One-sided power spectral densities of the named columns.
+    """One-sided power spectral densities of the named columns, of each segment without its mean.
 
     Parameters
     ----------
     segment_s: length of a segment [s], a whole number of steps; the frequency step is its inverse
     step_s: time between rows [s]
-    remove_mean: take the mean out of each segment first; what is slower than a segment is lost then
     start_s: rows before this time [s] are left out
     """
 
@@ -40,7 +39,6 @@ class Welch(ColumnObserver):
         *,
         segment_s: float,
         step_s: float,
-        remove_mean: bool = True,
         start_s: float = -math.inf,
     ) -> None:
         super().__init__(columns, names, start_s=start_s)
@@ -50,7 +48,6 @@ class Welch(ColumnObserver):
         self.segment_s = segment_s
         self.segments = 0
         self.frequency: Array = np.arange(rows // 2 + 1) / segment_s  # Hz
-        self._remove_mean = remove_mean
         self._overlap = rows // 2
         self._window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(rows) / rows)
         # Density of a one-sided spectrum: every bin but 0 Hz and Nyquist stands for its mirror image too.
@@ -81,10 +78,7 @@ class Welch(ColumnObserver):
         """
         windowed, lines, squares, more = self._rooms
         for segment, one in zip(segments, windowed, strict=True):
-            np.multiply(
-                np.subtract(segment, segment.mean(), out=one) if self._remove_mean else segment,
-                self._window, out=one,
-            )  # fmt: skip
+            np.multiply(np.subtract(segment, segment.mean(), out=one), self._window, out=one)
         np.fft.rfft(windowed, out=lines)
         for own, power in zip(lines, self._power, strict=True):
             np.square(own.real, out=squares)

@@ -86,19 +86,20 @@ class CaseExplorer {
 
   /** Bars of the parameters; each is a button that puts its parameter on the horizontal axis. */
   rank() {
-    const { ranking } = this.y;
+    const { ranking, influences, left } = this.y;
     const size = (k) => Math.abs(ranking[k] ?? 0);
     const order = [...ranking.keys()].sort((a, b) => size(b) - size(a)).slice(0, STRONGEST);
-    const largest = Math.max(...order.map(size), this.packed.measure.includes("correlation") ? 1 : 0) || 1;
+    const largest = Math.max(...order.map(size), this.packed.measure.startsWith("share") ? 1 : 0) || 1;
     this.ranking.replaceChildren(...order.map((k) => {
       const row = makeButton("", "Show over this parameter", () => { this.x = this.parameters[k]; this.chooseColumns(); });
       const bar = make("span", { class: "strength" });
       bar.style.width = `${(100 * size(k)) / largest}%`;
-      bar.style.background = `var(--${(ranking[k] ?? 0) < 0 ? "passive" : "active"})`;
+      bar.style.background = "var(--active)";
       row.append(make("span", {}, this.parameters[k].title), make("span", { class: "scale" }, bar),
-        make("span", {}, ranking[k] === null ? "\u2013" : formatNumber(ranking[k], 3)));
+        make("span", {}, influences[k] || "\u2013"));
       return row;
     }));
+    if (left) this.ranking.append(make("p", { class: "caption" }, `What is left: ${left}.`));
     if (!order.length) this.ranking.replaceChildren(make("p", { class: "caption" }, "It does not vary, or has too few cases."));
   }
 

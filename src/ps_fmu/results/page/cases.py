@@ -39,6 +39,10 @@ class CaseColumn:
     marks: Sequence[Mark] = ()
     ranking: Sequence[float] = ()
     """Of a metric: how strongly it depends on each of the parameters, in their order; NaN: not known."""
+    influences: Sequence[str] = ()
+    """The same in words, each with how the metric depends on the parameter."""
+    left: str = ""
+    """What is left of the metric that no parameter explains by itself, in words."""
 
     def pack(self, chosen: NDArray[np.intp]) -> Entry:
         """As the page reads it."""

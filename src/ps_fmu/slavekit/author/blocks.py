@@ -78,14 +78,6 @@ def store_by_columns(matrix: Array) -> Array:
     return copy
 
 
-def make_dense(by_columns: Array) -> Matrix:
-    """A matrix by columns as one block of all rows and columns."""
-    n, stride = by_columns.shape
-    words = (Words * 1)(Words(0, stride, 0, n, 0))
-    pattern = Pattern(words, np.arange(n, dtype=np.int32), np.arange(by_columns.size))
-    return Matrix(by_columns, pattern, by_columns.reshape(-1))
-
-
 def make_blocks(by_columns: Array) -> Matrix:
     """The blocks of a matrix that :func:`store_by_columns` has stored."""
     n, stride = by_columns.shape

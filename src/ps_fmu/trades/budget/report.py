@@ -13,6 +13,7 @@ from ...analyses.result import AnalysisResult, paint_pictures
 from ...analyses.system import load_built_system
 from ...analyses.table import SYSTEM, AnalysisOptions
 from ...cosim import System, read_system
+from ...interface.linear_system import STEP
 from ...pointing.budget import UncertaintyFactors
 from ...product.files import find_product
 from ...results.report import Picture
@@ -29,7 +30,6 @@ from .results import (
     read_factors,
     read_with_parameters,
 )
-from .system_model import STEP
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist

@@ -21,24 +21,23 @@ from ...disturbance.noise import NoiseSettings
 from ...disturbance.spectrum import to_origin
 from ...disturbance.tones import ToneSettings
 from ...disturbance.wheels import FORCE, TORQUE, WheelSettings, wheel_plane
-from ...mechanism.quantities import Array, Complex
-from ...pointing.budget import Budget, Source, UncertaintyFactors, make_budget
-from ...requirements.requirement import PEAK, RMS, Requirement, Target, find_targets, read_requirements
-from ...runs.setup import RunSystem
-from ...theory.transfer_matrices import place_frequencies
-from .system_model import (
+from ...interface.linear_system import (
     COILS,
     OUTPUT_NAMES,
     PLANT,
     SENSORS,
     SOURCE,
     TRACKER,
-    BudgetError,
     Circuit,
     SystemModel,
     limit_response,
     read_model,
 )
+from ...mechanism.quantities import Array, Complex
+from ...pointing.budget import Budget, Source, UncertaintyFactors, make_budget
+from ...requirements.requirement import PEAK, RMS, Requirement, Target, find_targets, read_requirements
+from ...runs.setup import RunSystem
+from ...theory.transfer_matrices import place_frequencies
 
 CASES = {"passive": False, "active": True}
 BANDS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0)  # Hz, edges between bands
@@ -46,6 +45,10 @@ _FINE, _LOWEST_DRAWN = 300, 1e-3  # bands of a cumulative curve, and where they 
 LOWEST = 1e-5  # Hz: below, responses and densities stay as they are there
 POINTS, PER_POLE = 1000, 40  # of the frequencies of a density
 AXES = ("force x", "force y", "force z", "torque x", "torque y", "torque z")
+
+
+class BudgetError(ValueError):
+    """A source that has no budget; the text says which, and what to do."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,7 +177,8 @@ def compute_budgets(
 ) -> Iterator[SignalBudget]:
     """The budgets of all targets, passive and then active.
 
-    ``points``: frequencies of a density besides those around the poles.  Raises ``BudgetError``, ``ParameterError``.
+    ``points``: frequencies of a density besides those around the poles.  Raises ``BudgetError``, ``LinearModelError``,
+    ``ParameterError``.
     """
     model = read_model(system)
     signals = tuple(dict.fromkeys(name for each in wanted for name in each.signals))

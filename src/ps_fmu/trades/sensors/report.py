@@ -123,9 +123,23 @@ def paragraphs(trade: Trade, measured: Sequence[Point], answer: BiasAnswer, dura
         f"its lines by up to {100.0 * max(abs(p.deviation) for p in measured):.1f} %, and by "
         f"{abs(worst.deviations):.1f} standard deviations of the sensors' noise in a record as long at most "
         f"({worst.name}, {worst.corner:g} Hz).",
+        _describe_unstable(trade),
         "The figures of the classes and their sources are in system/parameters/sensors_*.ssv; several are assumed, and "
         "say so.",
     ]
+
+
+def _describe_unstable(trade: Trade) -> str:
+    """Which corners have unstable loops: poles are counted before anything that presumes stability."""
+    found = [
+        f"{name} at {', '.join(f'{corner:.2g}' for corner in trade.corners[~np.isfinite(sweep.rms)])} Hz, loop: "
+        f"{_describe(crossover)}"
+        for name, one in trade.classes.items()
+        for crossover, sweep in one.sweeps.items()
+        if not np.isfinite(sweep.rms).all()
+    ]
+    said = f"these are unstable, and no candidates: {'; '.join(found)}" if found else "all are stable"
+    return f"Poles of the closed loops are counted for each class, corner and line-of-sight loop: {said}."
 
 
 def _goal_table(trade: Trade) -> Table:
@@ -179,7 +193,7 @@ def _describe(crossover: float | None) -> str:
 
 
 def _micro(value: float) -> str:
-    return f"{1e6 * value:.3g}"
+    return f"{1e6 * value:.3g}" if np.isfinite(value) else "unstable"
 
 
 def _entry(trade: Trade, measured: Sequence[Point], answer: BiasAnswer) -> dict[str, object]:

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...control.pointing import PointingFilter, PointingLaw
+from ...control.pointing import PointingLaw
 from ...cosim import System, Value, read_parameters
 from ...disturbance import multisine_lines, psd_at_origin
 from ...mechanism.parameters import Array, load
@@ -26,6 +26,7 @@ from ...sensors.line_of_sight import DEFAULT_TRACKER
 from ...theory.line_of_sight import Timing
 from ...theory.loop import loop_at
 from ...theory.sensed_isolation import (
+    Pointing,
     Responses,
     SensedIsolation,
     estimated_bias,
@@ -40,7 +41,6 @@ CROSSOVERS = (None, 0.3, 1.25)  # Hz, of the line-of-sight loop; None: there is 
 DENSITIES = np.geomspace(1e-9, 1e-3, 121)  # m/s2/sqrt(Hz), of white noise
 MICRO_G = 9.80665e-6  # m/s2
 
-Pointing = tuple[PointingFilter, Timing] | None
 CORNER = "isolator.filters.highpass_frequency"
 LINE_OF_SIGHT = ("plant.payload_rotation.x", "plant.payload_rotation.y")
 #: Corners of the runs, Hz: about the best one of the class, and where noise and disturbance prevail.
@@ -56,7 +56,10 @@ BIASED = 3  # number of the accelerometer that has a bias of 1 ug: along z, 0.5 
 
 @dataclass(frozen=True, eq=False)
 class Sweep:
-    """Variances of the line of sight, rad2, at the corners of the trade, (n,), with one line-of-sight loop or none."""
+    """Variances of the line of sight, rad2, at the corners of the trade, (n,), with one line-of-sight loop or none.
+
+    Infinite where the loops are unstable: such a corner is never the best.
+    """
 
     disturbance: Array  # what the isolator leaves of the disturbance
     sensors: Array  # by the accelerometers' noise
@@ -117,7 +120,8 @@ def compute_trade(parameters: Path, corners: Array = CORNERS, points: int = 500)
     alone = {}
     for crossover, loop in loops.items():
         if crossover is not None and loop is not None:
-            alone[crossover] = line_of_sight(_all_but_sensors(isolation.solve(None, 1.0, loop)))
+            found = line_of_sight(_all_but_sensors(isolation.solve(None, 1.0, loop)))
+            alone[crossover] = found if isolation.is_stable(None, 1.0, loop) else np.inf
     return Trade(isolation, corners, line_of_sight(off.covariance(off.disturbance_density)), alone, white, classes)
 
 
@@ -130,8 +134,9 @@ def read_class(parameters: Path, name: str) -> tuple[InertialSensors, dict[str, 
 
 def needed_density(trade: Trade, crossover: float | None, goal: float) -> float | None:
     """Largest noise density, m/s2/sqrt(Hz), at which the best corner is within a goal, rad; None: none of them."""
-    within = trade.white[crossover].with_density(DENSITIES).min(axis=1) <= goal
-    return float(DENSITIES[within][-1]) if within.any() else None
+    white = trade.white[crossover]
+    left = goal**2 - white.disturbance - white.tracker  # for the variance by the sensors, at each corner
+    return float(np.sqrt((left / white.sensors).max())) if (left > 0.0).any() else None
 
 
 def _compute_class(
@@ -170,15 +175,21 @@ def _make_loop(crossover: float | None) -> Pointing:
 
 
 def _sweep(isolation: SensedIsolation, sensors: InertialSensors, corners: Array, loop: Pointing) -> Sweep:
-    found = [isolation.solve(sensors, corner, loop) for corner in corners]
-    parts = [
-        [
-            line_of_sight(one.covariance(density)) ** 2
-            for density in (one.disturbance_density, one.noise_density(sensors), _tracker(one))
-        ]
-        for one in found
-    ]
-    return Sweep(*np.array(parts).T)
+    return Sweep(*np.array([_compute_variances(isolation, sensors, corner, loop) for corner in corners]).T)
+
+
+def _compute_variances(
+    isolation: SensedIsolation, sensors: InertialSensors, corner: float, loop: Pointing
+) -> tuple[float, float, float]:
+    """By disturbance, sensors and tracker, rad2; infinite where the loops are unstable."""
+    if not isolation.is_stable(sensors, corner, loop):
+        return np.inf, np.inf, np.inf
+    one = isolation.solve(sensors, corner, loop)
+    left, noise, tracked = (
+        line_of_sight(one.covariance(density)) ** 2
+        for density in (one.disturbance_density, one.noise_density(sensors), _tracker(one))
+    )
+    return left, noise, tracked
 
 
 def _tracker(found: Responses) -> Array:

@@ -18,12 +18,12 @@ from ....results.tables import Table, format_angles
 from ....scenarios.comparison import TARGET
 from ....scenarios.shaking import Shaking, measure
 from ....theory.loop import Loop, loop_at
-from ....theory.sampled import from_base_sampled
+from ....theory.sampled import LOOP_DELAY, from_base_sampled
 from ....theory.transfer_matrices import Nominal
 from ....theory.transmissibility import from_base, singular_values_db
 from ...agreement import ALLOWED_DB, ALLOWED_DEG, BAND, COHERENCE, Agreement
 from ...bus_cases import CASES, assemble_nominal, case_start_values, load_case
-from ..table2.runs import LOOP_DELAY, ORIENTATIONS
+from ..table2.runs import ORIENTATIONS
 
 FREQUENCY = np.geomspace(1e-2, 1e3, 3000)  # Hz
 AMPLIFIED_BAND = (100.0, 700.0)  # Hz, where the paper looks for the largest amplification

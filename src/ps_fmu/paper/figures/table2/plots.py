@@ -10,7 +10,8 @@ import numpy as np
 from ....mechanism.parameters import Array
 from ....results.style import ACTIVE, AXES, PASSIVE, REFERENCE
 from ....results.tables import format_angles
-from .runs import LOOP_DELAY, ORIENTATIONS, OrientationResult, compute_rms_below, published_value
+from ....theory.sampled import LOOP_DELAY
+from .runs import ORIENTATIONS, OrientationResult, compute_rms_below, published_value
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

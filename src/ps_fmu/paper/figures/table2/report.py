@@ -22,11 +22,12 @@ from ....runs.scenario import SCENARIOS, Scenario
 from ....runs.setup import RunSystem
 from ....scenarios.comparison import HEADER, Comparison, explain_refusal, make_rows
 from ....scenarios.exploration import explore_comparisons
+from ....theory.sampled import LOOP_DELAY
 from ...cosimulation import hold_run
 from ...published import make_finding, published_numbers
 from . import runs
 from .plots import paint_cumulative, paint_image, paint_rms
-from .runs import LOOP_DELAY, ORIENTATIONS, OrientationResult, list_cases, measure, published_value, rejection
+from .runs import ORIENTATIONS, OrientationResult, list_cases, measure, published_value, rejection
 
 __all__ = ["analyse", "find", "list_cases"]
 

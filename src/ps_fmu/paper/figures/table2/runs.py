@@ -24,6 +24,7 @@ from ....runs.run import Run
 from ....runs.setup import MULTISINE, RunSystem
 from ....scenarios.comparison import CASES, Comparison, compare, run_cases
 from ....theory.loop import loop_at
+from ....theory.sampled import LOOP_DELAY
 from ....theory.transmissibility import Jitter, jitter, jitter_density, jitter_of_lines
 from ...published import published_numbers
 
@@ -225,7 +226,6 @@ def compute_rms_below(frequency: Array, density: Array) -> Array:
 
 # --- In closed form: analogue filters, no delay of a communication step, a spectral density --------------------------
 
-LOOP_DELAY = 1.5  # steps: the exchange takes one, and a force that is held for a step is late by half a step
 #: Orientations of Table 2 (deg) by their names in published.csv.
 ORIENTATIONS: dict[str, tuple[float, float, float]] = {
     "nominal": (0.0, 0.0, 0.0),

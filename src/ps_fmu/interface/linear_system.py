@@ -1,0 +1,414 @@
+"""The linear model of a system description: what its FMUs step, in closed form, and whether its loops are stable.
+
+With isolator and line-of-sight loop cut, what is left is stable.  M(z), from what the cuts put in to what comes back,
+has the critical point +1: poles of the closed loops are zeros of det(E - M), with delays as long as they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+
+from ..actuators.voice_coil import Coils
+from ..control.isolator import Isolator
+from ..control.pointing import PointingLaw
+from ..cosim import System, Value
+from ..disturbance import default_settings
+from ..disturbance.total import DisturbanceSettings
+from ..mechanism.linear_model import Plant
+from ..mechanism.parameters import load
+from ..mechanism.quantities import Array, Complex, ParameterError, list_entries, take_values
+from ..mechanism.signals import OUTPUTS
+from ..pointing.modal import ModalResponse, StateSpace
+from ..sensors.inertial import InertialSensors, default_sensors
+from ..sensors.line_of_sight import DEFAULT_TRACKER, Tracker
+from ..theory.line_of_sight import SampledPointing, Timing, close_loop
+from ..theory.loop import Loop, loop_of
+from ..theory.sampled import (
+    FORCES,
+    LONGEST_DELAY,
+    WRENCH,
+    Block,
+    SampledSystem,
+    connect,
+    make_coils_block,
+    make_isolator_block,
+    make_plant_block,
+    make_sensors_block,
+)
+from ..theory.stability import UnstableError, find_growing, find_unstable, refine_pole
+from ..theory.transfer_matrices import place_frequencies
+
+STEP = 1e-4  # s, where the description states none
+PLANT, ISOLATOR, SOURCE, COMMANDER = "ManipulatorPlant", "FeedforwardIsolator", "DisturbanceSource", "PointingCommander"
+SENSORS, COILS, TRACKER, POINTING = "InertialSensors", "VoiceCoils", "LineOfSightSensor", "PointingController"
+NEEDED = (PLANT, ISOLATOR, SOURCE, COMMANDER)
+KNOWN = (*NEEDED, SENSORS, COILS, TRACKER, POINTING)
+#: What the tracker sees: the boresight, which truss modes turn, and the roll of the platform.
+SEEN = ("line_of_sight.x", "line_of_sight.y", "payload_rotation.z")
+OUTPUT_NAMES = tuple(name for signal in OUTPUTS for name in signal.names)
+LOWEST = 1e-7  # Hz, of the curve that poles are counted by
+DAMPING = tuple(f"fine_leg_{leg}.damping" for leg in (1, 2, 3))
+#: What stability depends on: parameters by FMU, those together that are turned together.
+TURNED: Mapping[str, Sequence[tuple[str, ...]]] = {
+    PLANT: (("bus.mass",), DAMPING),
+    ISOLATOR: (
+        ("delay",), ("filters.lowpass_stop_frequency",), ("filters.highpass_frequency",),
+        ("filters.highpass_damping_ratio",), ("payload.mass",),
+    ),
+    SENSORS: (("latency",), ("accelerometer.bandwidth",)),
+    COILS: (("driver.bandwidth",),),
+    TRACKER: (("sample_time",), ("latency",)),
+    POINTING: (
+        ("delay",), ("sample_time",), ("loop.crossover_frequency",), ("loop.integral_frequency",),
+        ("loop.rolloff_frequency",),
+    ),
+}  # fmt: skip
+SHOWN = 3  # of these that are said to matter
+SMALL_TURN = 0.01  # of a parameter, for the derivative of a pole
+_AT_ONCE = 64  # frequencies
+
+T = TypeVar("T")
+
+
+class LinearModelError(ValueError):
+    """A system or a source that the closed form does not know; the text says which, and what to do."""
+
+
+class Turned(NamedTuple):
+    """A parameter that stability depends on."""
+
+    value: float
+    unit: str
+
+
+@dataclass(frozen=True, eq=False)
+class SystemModel:
+    """The components of a system with their start values, as the physics knows them."""
+
+    system: System
+    components: Mapping[str, str]  # name in the system by the name of the FMU
+    loop: Loop  # plant and isolator at the target of the commander, without delay
+    isolator_delay: float  # of its forces, s
+    disturbance: DisturbanceSettings
+    sensors: InertialSensors | None
+    coils: Coils | None
+    tracker: Tracker | None
+    pointing: SampledPointing | None
+    step: float  # s
+    turned: Mapping[str, Turned]  # the parameters in TURNED, by ``component.parameter``
+
+    @property
+    def name(self) -> str:
+        """Of the file of its description."""
+        return self.system.path.stem
+
+    @property
+    def groups(self) -> list[list[str]]:
+        """Names of :attr:`turned`, those together that are turned together."""
+        return [
+            [f"{self.component(fmu)}.{name}" for name in names]
+            for fmu, groups in TURNED.items()
+            if fmu in self.components
+            for names in groups
+        ]
+
+    def component(self, fmu: str) -> str:
+        """Name of the component that an FMU of this name is."""
+        return self.components[fmu]
+
+
+@dataclass(frozen=True, eq=False)
+class Circuit:
+    """The wired model with the isolator on or off, with the inputs that sources act on."""
+
+    model: SystemModel
+    active: bool
+
+    @property
+    def closed(self) -> bool:
+        """Whether a line-of-sight loop is closed."""
+        return self.active and self.model.pointing is not None
+
+    @cached_property
+    def blocks(self) -> dict[str, Block]:
+        """By the name of the component."""
+        return self._make_blocks(self.model.isolator_delay)
+
+    def _make_blocks(self, isolator_delay: float) -> dict[str, Block]:
+        m, h = self.model, self.model.step
+        found = {PLANT: make_plant_block(m.loop.model, h)}
+        if self.active:
+            found[ISOLATOR] = make_isolator_block(m.loop.controller, h, isolator_delay)
+        if m.sensors is not None and self.active:
+            found[SENSORS] = make_sensors_block(m.sensors, h)
+        if m.coils is not None:
+            found[COILS] = make_coils_block(m.coils, h)
+        return {m.component(fmu): block for fmu, block in found.items()}
+
+    @cached_property
+    def channels(self) -> dict[str, tuple[str, ...]]:
+        """Inputs of the model, ``component.input``, by what acts on them; the tracker's noise acts on the forces."""
+        m = self.model
+        found = {SOURCE: tuple(f"{m.component(PLANT)}.{name}" for name in WRENCH)}
+        if m.sensors is not None and self.active:
+            on = np.flatnonzero(m.sensors.enabled[:12])
+            found[SENSORS] = tuple(f"{m.component(SENSORS)}.noise_{k + 1}" for k in on)
+        if m.coils is not None:
+            found[COILS] = tuple(f"{m.component(COILS)}.noise_{i}" for i in (1, 2, 3))
+        if self.closed:
+            found[TRACKER] = tuple(self._find_target(f"{m.component(POINTING)}.{name}") for name in FORCES)
+        return found
+
+    @cached_property
+    def poles(self) -> Complex:
+        """(n,), rad/s, a line-of-sight loop open."""
+        found = self._connect([], []).poles
+        return np.asarray(found[np.isfinite(found)])
+
+    @cached_property
+    def unstable(self) -> Complex:
+        """Poles in the right half-plane, loops closed, rad/s, the one farthest to the right first."""
+        if self.closed or self.has_long_delay:
+            return find_unstable(self.characteristic, self.frequencies)
+        return find_growing(self.poles)
+
+    @property
+    def has_long_delay(self) -> bool:
+        """The isolator's delay is too long for states of it."""
+        return self.active and self.model.isolator_delay > LONGEST_DELAY * self.model.step
+
+    def require_stable(self) -> None:
+        """Raise :class:`..theory.stability.UnstableError`, with poles and what moves them, if a loop is unstable."""
+        if len(self.unstable):
+            case = "active" if self.active else "passive"
+            raise UnstableError(f"{self.model.system.path.name}, {case}", self.unstable, self.advise())
+
+    @property
+    def loops(self) -> tuple[str, ...]:
+        """FMUs whose forces close a loop."""
+        return (*([ISOLATOR] if self.active else []), *([POINTING] if self.closed else []))
+
+    def open_loops(self, s: Complex) -> Complex:
+        """M (n, k, k), k = 3 for each of :attr:`loops`, critical point +1, at complex frequencies (n,), rad/s.
+
+        The isolator is cut at its forces, the line-of-sight loop at the errors that the tracker sees.
+        """
+        m, opened = self.model, self._opened
+        point = np.expm1(s * m.step) / m.step
+        drive, unit = opened.B.astype(complex), np.eye(len(opened.A))
+        parts = np.array_split(point[:, None, None], len(point) // _AT_ONCE + 1)
+        M = np.concatenate([opened.C @ np.linalg.solve(part * unit - opened.A, drive) for part in parts])
+        M[:, :3] *= np.exp(-s * m.isolator_delay)[:, None, None]
+        if self.closed:
+            assert m.pointing is not None
+            M[:, :, 3:] = M[:, :, 3:] @ m.pointing.response(s)
+            M[:, 3:] *= -1.0
+        return np.asarray(M)
+
+    def cut_loop(self, fmu: str, s: Complex) -> Complex:
+        """M (n, 3, 3) of one of :attr:`loops` with the other closed, critical point +1."""
+        M = self.open_loops(s)
+        own = slice(3 * self.loops.index(fmu), 3 * self.loops.index(fmu) + 3)
+        if len(self.loops) == 1:
+            return M
+        rest = slice(3, 6) if own.start == 0 else slice(0, 3)
+        inner = np.linalg.solve(np.eye(3) - M[:, rest, rest], M[:, rest, own])
+        return np.asarray(M[:, own, own] + M[:, own, rest] @ inner)
+
+    def characteristic(self, s: Complex) -> Complex:
+        """det(E - M) without the poles at zero that the controller's integrators have, (n,), at s (n,), rad/s."""
+        found = np.linalg.det(np.eye(3 * len(self.loops)) - self.open_loops(s))
+        if self.closed:
+            assert self.model.pointing is not None
+            h, pointing = self.model.step, self.model.pointing
+            axes = 3 if pointing.roll_measured else 2
+            point = np.expm1(s * h) / h
+            found = found * (point / (point + 1.0)) ** (axes * pointing.control.integrators)
+        return np.asarray(found)
+
+    def advise(self) -> str:
+        """What makes an unstable loop stable: no delay, or the parameters that move its rightmost pole most."""
+        late = [name for name, entry in self.model.turned.items() if name.endswith(".delay") and entry.value]
+        without = [name for name in late if not len(self._turn({name: 0.0}).unstable)]
+        said = [f"Without {name} ({self._show(name)}) it is stable" for name in without]
+        return ". ".join([*said, *self._list_slopes(late)])
+
+    def _list_slopes(self, late: Sequence[str]) -> Iterator[str]:
+        """The parameters that move the rightmost pole most, those that are no delay: a sentence, or none."""
+        pole, slopes = complex(self.unstable[0]), []
+        for names in self.model.groups:
+            if names[0] in late or not self.model.turned[names[0]].value or np.isnan(pole):
+                continue
+            moved = self._track({name: self.model.turned[name].value * (1.0 + SMALL_TURN) for name in names}, pole)
+            slope = 0.0 if moved is None else (moved - pole).real / SMALL_TURN
+            if slope > 0.0 or not names[0].endswith(("latency", "sample_time")):  # nobody makes them longer
+                slopes.append((abs(slope), "lower" if slope > 0.0 else "raise", names[0]))
+        best = [
+            f"{way} {name.replace('_1.', '_*.')} ({self._show(name)}), {-0.1 * slope:.2g} rad/s"
+            for slope, way, name in sorted(slopes, reverse=True)[:SHOWN]
+        ]
+        if best:
+            yield f"What moves the pole most, and by how much for a tenth of it: {'; '.join(best)}"
+
+    def _show(self, name: str) -> str:
+        entry = self.model.turned[name]
+        return f"{entry.value:g} {entry.unit}"
+
+    def _turn(self, values: Mapping[str, float]) -> Circuit:
+        """The same with other values.  Raises ``ParameterError`` where there is no closed form of them."""
+        return Circuit(read_model(self.model.system.with_parameters(values)), self.active)
+
+    def _track(self, values: Mapping[str, float], pole: complex) -> complex | None:
+        """Where a pole goes with other values; None: it is not found, or a time is no whole number of steps."""
+        try:
+            return refine_pole(self._turn(values).characteristic, pole)
+        except ParameterError:
+            return None
+
+    @cached_property
+    def _opened(self) -> SampledSystem:
+        """From the forces of :attr:`loops` to the isolator's demand, without its delay, and what the tracker sees."""
+        m = self.model
+        blocks = self._make_blocks(0.0)
+        cut = [f"{m.component(fmu)}.{name}" for fmu in self.loops for name in FORCES]
+        wires = [(str(wire.source), str(wire.target)) for wire in m.system.connections if str(wire.source) not in cut]
+        outputs = [*(cut[:3] if self.active else ()), *(f"{m.component(PLANT)}.{name}" for name in SEEN if self.closed)]
+        return connect(blocks, wires, [self._find_target(name) for name in cut], outputs, m.step)
+
+    @cached_property
+    def frequencies(self) -> Array:
+        """Hz, of a curve that poles are counted by; dense around those of the loops cut open."""
+        return place_frequencies(self.open_poles, LOWEST, 0.5 / self.model.step, 150, 8)
+
+    @cached_property
+    def open_poles(self) -> Complex:
+        """Of the loops cut open, (n,), rad/s."""
+        h, pointing = self.model.step, self.model.pointing
+        values = np.linalg.eigvals(self._opened.A).astype(complex)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            found = np.log1p(h * values) / h
+        if self.closed and pointing is not None:
+            found = np.concatenate([found, np.linalg.eigvals(pointing.control.matrices()[0])])
+        return np.asarray(found[np.isfinite(found)])
+
+    def respond(self, frequency: Array, signals: Sequence[str], sources: Sequence[str]) -> ModalResponse:
+        """By mode, from the channels of some sources (FMUs, in the order of :attr:`channels`) to outputs of the plant.
+
+        Modes are those without a line-of-sight loop; where it is closed, they are what it acts against.  Raises
+        :class:`..theory.stability.UnstableError`: an unstable loop has no response.
+        """
+        self.require_stable()
+        sources = [fmu for fmu in self.channels if fmu in sources]
+        if not self.closed:
+            return self._connect(self._list_inputs(sources), signals).modal_response(frequency)
+        assert self.model.pointing is not None
+        inputs = self._list_inputs([*(fmu for fmu in sources if fmu != TRACKER), TRACKER])
+        found = self._connect(inputs, [*signals, *SEEN]).modal_response(frequency)
+        answers, errors = found.parts[:, :, : len(signals)], found.parts[:, :, len(signals) :].sum(axis=0)
+        K = self.model.pointing.response(np.asarray(2j * np.pi * frequency))
+        parts = close_loop(K, errors, answers, slice(len(inputs) - 3, None))
+        return ModalResponse(found.modes, parts if TRACKER in sources else parts[..., :-3])
+
+    def _list_inputs(self, sources: Sequence[str]) -> list[str]:
+        return [name for fmu in sources for name in self.channels[fmu]]
+
+    def _connect(self, inputs: Sequence[str], signals: Sequence[str]) -> StateSpace:
+        """From inputs ``component.input`` to outputs of the plant; a state for no other output than is needed."""
+        outputs = [f"{self.model.component(PLANT)}.{name}" for name in signals]
+        wires = [(str(wire.source), str(wire.target)) for wire in self.model.system.connections]
+        found = connect(self.blocks, wires, inputs, outputs, self.model.step)
+        return StateSpace(found.A, found.B, found.C, found.step)
+
+    def _find_target(self, output: str) -> str:
+        """The input that an output is connected with."""
+        for wire in self.model.system.connections:
+            if str(wire.source) == output:
+                return str(wire.target)
+        raise LinearModelError(f"{output}: it is connected with nothing")
+
+
+def read_model(system: System, step: float | None = None) -> SystemModel:
+    """The model of a system, with its start values; those that it does not give are those of the FMUs.
+
+    ``step``: s; None: that of the system.  Raises :class:`LinearModelError` for a component that the closed form does
+    not know, and ``ParameterError`` for an impossible value.
+    """
+    components = {component.source.stem: component.name for component in system.components}
+    for fmu in components:
+        if fmu not in KNOWN:
+            known = ", ".join(KNOWN)
+            raise LinearModelError(f"{components[fmu]}: there is no closed form of the FMU {fmu}; there is of {known}")
+    if len(components) < len(system.components):
+        names = [component.source.stem for component in system.components]
+        twice = next(fmu for fmu in names if names.count(fmu) > 1)
+        raise LinearModelError(f"{system.path.name}: the closed form is of one {twice}, there are {names.count(twice)}")
+    if missing := [fmu for fmu in NEEDED if fmu not in components]:
+        raise LinearModelError(f"{system.path.name}: the closed form needs the FMU {missing[0]}")
+    h = step or system.experiment.step or STEP
+    p, isolator, commander = load(), _given(system, components[ISOLATOR]), _given(system, components[COMMANDER])
+    orientation = np.array([float(commander.get(f"target.{angle}", 0.0)) for angle in ("roll", "pitch", "yaw")])
+    if isolator.get("sample_time"):
+        name = f"{components[ISOLATOR]}.sample_time"
+        raise LinearModelError(f"{name}: there is no closed form of a digital isolator; set 0 s")
+    plant = _take(system, components[PLANT], Plant.from_parameters(p))
+    controller = _take(system, components[ISOLATOR], Isolator.from_parameters(p))
+    looped = TRACKER in components and POINTING in components
+    tracker = _take(system, components[TRACKER], DEFAULT_TRACKER) if looped else None
+    return SystemModel(
+        system,
+        components,
+        loop_of(plant, controller, orientation, 0.0),
+        float(isolator.get("delay", 0.0)),
+        _take(system, components[SOURCE], default_settings(p)),
+        _take(system, components[SENSORS], default_sensors()) if SENSORS in components else None,
+        _take(system, components[COILS], Coils.from_parameters(p)) if COILS in components else None,
+        tracker,
+        None if tracker is None else _make_pointing(system, components[POINTING], tracker, orientation, h),
+        h,
+        dict(_list_turned(system, components)),
+    )
+
+
+def _list_turned(system: System, components: Mapping[str, str]) -> Iterator[tuple[str, Turned]]:
+    """The parameters in TURNED by name."""
+    p = load()
+    physics = {
+        PLANT: Plant.from_parameters(p), ISOLATOR: Isolator.from_parameters(p), SENSORS: default_sensors(),
+        COILS: Coils.from_parameters(p), TRACKER: DEFAULT_TRACKER, POINTING: PointingLaw.from_parameters(p),
+    }  # fmt: skip
+    for fmu in TURNED.keys() & components.keys():
+        given, known = _given(system, components[fmu]), {entry.name: entry for entry in list_entries(physics[fmu])}
+        for name in (name for names in TURNED[fmu] for name in names):
+            value, unit = (known[name].value, known[name].unit) if name in known else (0.0, "s")  # of delays
+            yield f"{components[fmu]}.{name}", Turned(float(given.get(name, value)), unit)
+
+
+def limit_response(found: ModalResponse) -> Complex:
+    """The parts of a response with the lowest frequency's once more in front, for 0 Hz: constant below it."""
+    return np.concatenate([found.parts[:, :1], found.parts], axis=1)
+
+
+def _make_pointing(
+    system: System, component: str, tracker: Tracker, orientation: Array, h: float
+) -> SampledPointing:
+    law, given = _take(system, component, PointingLaw.from_parameters(load())), _given(system, component)
+    own = [float(given.get(name, 0.0)) for name in ("sample_time", "delay")]
+    timing = Timing(tracker.sample_time, tracker.latency, h, *own)
+    return SampledPointing(law.controller(orientation), timing, tracker.roll_measured)
+
+
+def _take(system: System, component: str, default: T) -> T:
+    """The physics of a component with its start values.  Raises ParameterError, naming the component, too."""
+    try:
+        return take_values(default, _given(system, component))
+    except ParameterError as error:
+        raise ParameterError(f"{component}.{error.name}", error.problem) from None
+
+
+def _given(system: System, component: str) -> dict[str, Value]:
+    return {name: entry.value for name, entry in system.component(component).parameters.items()}

@@ -1,0 +1,76 @@
+"""Runs that diverge: how fast, by the rows; why, by the poles; what the FMU complains of comes last."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.claims import verify_claim
+
+import ps_fmu
+from ps_fmu.cli import main
+from ps_fmu.pointing.response import find_growth
+from ps_fmu.runs.divergence import Divergence
+
+SYSTEM = Path(__file__).parents[2] / "system"
+#: The isolator of a light bus takes the payload's centre of mass to be 4 m away: its force turns the rods at 114 Hz.
+FAR = {"isolator.payload.com.z": 4.0}
+
+
+@pytest.mark.parametrize(("rate", "frequency"), [(32.0, 80.0), (3.0, 0.0), (0.5, 5.0)])
+def test_growth_is_found_in_a_record_that_begins_in_noise(rate, frequency):
+    time = np.arange(0.0, 40.0 / rate, 1e-3)
+    noise = 1e-6 * np.random.default_rng(3).normal(size=len(time))
+    swing = np.cos(2.0 * np.pi * frequency * time + 0.3)
+    found = find_growth(time, noise + 1e-9 * np.exp(rate * time) * swing)
+    assert found.rate == pytest.approx(rate, rel=0.05)
+    assert found.frequency == pytest.approx(frequency, rel=0.05)
+    assert found.decades >= 3.0
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        lambda t: np.random.default_rng(4).normal(size=len(t)),
+        lambda t: np.where(t > 5.0, 1.0, 1e-9),  # a jump
+        lambda t: t**2,
+        lambda t: 1e-3 + t**6,
+        lambda t: np.exp(-t) * np.cos(20.0 * t),
+        lambda t: np.exp(0.2 * t),  # less than three decades
+        lambda t: np.zeros(len(t)),
+        lambda t: np.full(len(t), np.nan),
+    ],
+)
+def test_what_does_not_grow_exponentially_is_no_divergence(values):
+    time = np.arange(0.0, 10.0, 1e-3)
+    assert find_growth(time, values(time)) is None
+    assert find_growth(time[:5], np.exp(100.0 * time[:5])) is None
+
+
+def test_a_run_that_diverges_says_so_before_what_the_plant_complains_of(built_fmus, ssv, tmp_path, capsys):
+    """The rate by which the rows grow is the real part of the rightmost pole."""
+    arguments = ["--fmus", str(built_fmus), "--duration", "1", "--output", str(tmp_path / "out"), "--no-figures",
+                 "--parameters", str(SYSTEM / "parameters" / "LSM.ssv"), str(ssv(FAR))]  # fmt: skip
+    assert main(["run", "isolation", *arguments]) == 1
+    said = capsys.readouterr().err
+    assert "Case active: the closed loop is unstable: a pair of poles at +70 +/- 715.1i rad/s (114.4 Hz" in said
+    error = said[said.index("ps-fmu run:") :]
+    growth, pole, plant = (error.index(text) for text in ("without limit", "closed loop is", "It ended by: plant"))
+    assert growth < pole < plant
+    assert "lower isolator.payload.mass (14.89 kg)" in error
+    frequency, rate = map(float, re.search(r"grows at (\S+) Hz by e in \S+ s \(\+(\S+) 1/s\)", error).groups())
+    assert frequency == pytest.approx(114.4, rel=0.05)
+    verify_claim(
+        "stability.divergence",
+        claim="The motion of a run that stopped grew by so much in so long",
+        where="error of `ps-fmu run`: terminal",
+        reference="real part of the rightmost pole of the linear model",
+        error=abs(rate / 70.0 - 1.0),
+        bound=0.03,
+    )
+
+
+def test_a_run_in_memory_says_so_too():
+    lighter = SYSTEM / "parameters" / "LSM.ssv"
+    with pytest.raises(Divergence, match=r"active: The motion grows without limit: .* The closed loop is unstable"):
+        ps_fmu.simulate("isolation", duration=1.0, parameter_files=[lighter], parameters=FAR, cases=["active"])
