@@ -1,9 +1,9 @@
-"""Responses by mode: against closed forms, their sum, and modes that cannot be told apart."""
+"""Responses of linear models against closed forms, and their resonances."""
 
 import numpy as np
 import pytest
 
-from ps_fmu.pointing.modal import REST, Mode, StateSpace
+from ps_fmu.pointing.modal import StateSpace, find_resonances
 
 FREQUENCY = np.geomspace(0.01, 40.0, 400)  # Hz
 
@@ -28,44 +28,39 @@ def alone(frequency, damping, f=FREQUENCY):
     return 1.0 / (s * s + 2.0 * damping * w * s + w * w)
 
 
-def test_one_mode_is_all_there_is():
-    model = StateSpace(*blocks(oscillator(5.0, 0.02)))
-    found = model.modal_response(FREQUENCY)
-    assert found.names == ("5 Hz", REST)
-    assert found.modes[0].damping == pytest.approx(0.02)
-    assert found.parts[0, :, 0, 0] == pytest.approx(alone(5.0, 0.02), rel=1e-12)
-    assert np.abs(found.parts[1]).max() < 1e-12 * np.abs(found.parts[0]).max()
+def list_poles(*pairs):
+    """Of oscillators with a frequency, Hz, and a damping ratio, and their conjugates."""
+    poles = np.array([2.0 * np.pi * f * (-z + 1j * np.sqrt(1.0 - z * z)) for f, z in pairs])
+    return np.concatenate([poles, poles.conj(), [-3.0, -np.inf]])
 
 
-def test_modes_rigid_motion_and_filters():
-    """A free body, which has no eigenvectors of its own, and a filter with much damping make the rest."""
-    model = StateSpace(*blocks(oscillator(5.0, 0.02), oscillator(0.0, 0.0), oscillator(12.0, 0.01), oscillator(3, 0.7)))
-    found = model.modal_response(FREQUENCY)
-    assert [round(mode.frequency, 9) for mode in found.modes] == [5.0, 12.0]
-    assert found.parts[0, :, 0, 0] == pytest.approx(alone(5.0, 0.02), rel=1e-9)
-    assert found.parts[1, :, 0, 0] == pytest.approx(alone(12.0, 0.01), rel=1e-9)
-    rest = alone(0.0, 0.0) + alone(3.0, 0.7)
-    assert found.parts[2, :, 0, 0] == pytest.approx(rest, rel=1e-9, abs=1e-12 * np.abs(rest).max())
-    whole = model.response(FREQUENCY)
-    assert found.parts.sum(axis=0) == pytest.approx(whole, rel=1e-14)
+def test_a_resonance_reaches_ten_half_widths():
+    found = find_resonances(list_poles((5.0, 0.02), (40.0, 0.001), (12.0, 0.3)), 100.0)
+    assert [each.name for each in found] == ["5 Hz", "40 Hz"]  # 12 Hz has too much damping
+    limits = [(each.low, each.high) for each in found]
+    assert limits == [pytest.approx((4.0, 6.0)), pytest.approx((39.6, 40.4))]
+    assert find_resonances(list_poles((5.0, 0.02)), 4.0) == ()
+    assert find_resonances(list_poles((5.0, 0.02)), 5.5)[0].high == 5.5
 
 
-def test_modes_of_nearly_one_frequency_have_names_of_their_own():
-    """Four that three digits do not tell apart, of which four digits tell apart two."""
-    model = StateSpace(*blocks(*(oscillator(f, 0.02) for f in (486.12, 486.98, 485.5, 485.53, 12.345))))
-    names = StateSpace(model.A, model.B, model.C).modal_response([1.0], apart=1e-6).names
-    assert names == ("12.3 Hz", "485.5 Hz", "485.53 Hz", "486.1 Hz", "487 Hz", REST)
+def test_modes_that_a_spectrum_does_not_tell_apart_are_one():
+    """Half-widths of 0.1 Hz: nearer than 0.6 Hz they are one.  Six equal poles are one, too."""
+    (both,) = find_resonances(list_poles((5.0, 0.02), (5.5, 0.02)), 100.0)
+    assert (both.name, both.low, both.high) == ("5 to 5.5 Hz", pytest.approx(4.0), pytest.approx(6.6))
+    (six,) = find_resonances(list_poles(*[(0.035, 0.05)] * 6), 100.0)
+    assert six.name == "0.035 Hz"
+    apart = find_resonances(list_poles((5.0, 0.02), (5.7, 0.02)), 100.0)
+    assert [each.name for each in apart] == ["5 Hz", "5.7 Hz"]
+    assert apart[0].high == apart[1].low == pytest.approx((5.0 * 0.114 + 5.7 * 0.1) / 0.214)
 
 
-def test_modes_that_cannot_be_told_apart_are_one():
-    A, B, C = blocks(oscillator(5.0, 0.02), oscillator(5.0001, 0.02), oscillator(6.0, 0.02))
-    A[3, 0] = 1.0  # one drives the other: together they are nearly a multiple pole
-    found = StateSpace(A, B, C).modal_response(FREQUENCY)
-    assert found.names == ("5 Hz", "6 Hz", REST)
-    assert np.abs(found.parts[0]).max() < 1e3 * np.abs(found.parts.sum(axis=0)).max()
-    near = StateSpace(A, B, C).modal_response(FREQUENCY, apart=1e-6)
-    assert [mode.name for mode in near.modes] == ["5 Hz", "5 Hz", "6 Hz"]
-    assert near.parts[:2].sum(axis=0) == pytest.approx(found.parts[0], rel=1e-6)
+def test_resonances_do_not_overlap():
+    random = np.random.default_rng(2)
+    for _ in range(50):
+        pairs = zip(random.uniform(0.1, 90.0, 30), random.uniform(1e-4, 0.2, 30), strict=True)
+        found = find_resonances(list_poles(*pairs), 80.0)
+        limits = np.array([(each.low, each.high) for each in found]).reshape(-1)
+        assert (np.diff(limits) >= 0.0).all() and limits[-1] <= 80.0
 
 
 @pytest.mark.parametrize("step", [1e-3, 1e-5])
@@ -86,9 +81,10 @@ def test_discrete_time_and_direct_action(step):
     model = StateSpace(A, np.array([[0.0], [0.0], [1.0 / step]]), np.array([[1.0, 0.0, 0.0]]), step, np.array([[1e-3]]))
     turned = np.exp(2j * np.pi * FREQUENCY * step)
     expected = 1e-3 + np.array([(np.linalg.solve(q * np.eye(2) - Ad, Bd) / q)[0, 0] for q in turned])
-    found = model.modal_response(FREQUENCY)
     assert model.response(FREQUENCY)[:, 0, 0] == pytest.approx(expected, rel=1e-8)
-    assert found.modes == (Mode(pytest.approx(5.0, rel=1e-7), pytest.approx(z, rel=1e-5)),)
+    own = model.poles[model.poles.imag > 1.0]
+    assert np.abs(own) / (2.0 * np.pi) == pytest.approx([5.0], rel=1e-7)
+    assert -own.real / np.abs(own) == pytest.approx([z], rel=1e-5)
     assert (model.poles.real < -30.0 / step).sum() == 1  # the delay: -inf, but for rounding
 
 
@@ -109,4 +105,4 @@ def test_what_does_not_fit_is_refused():
     with pytest.raises(ValueError, match="from 0 to 50 Hz"):
         StateSpace(A, B, C, 0.01).response(np.array([51.0]))
     with pytest.raises(ValueError, match=r"expected values \(n,\)"):
-        StateSpace(A, B, C).modal_response(np.ones((2, 2)))
+        StateSpace(A, B, C).response(np.ones((2, 2)))

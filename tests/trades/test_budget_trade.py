@@ -7,15 +7,22 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.claims import verify_claim
 
 from ps_fmu.analyses.table import AnalysisOptions
 from ps_fmu.cli import main
 from ps_fmu.cosim import read_system
+from ps_fmu.disturbance import psd_at_origin
+from ps_fmu.disturbance.recording import HEADER
+from ps_fmu.disturbance.spectrum import gaussian_density
 from ps_fmu.interface.linear_system import SOURCE, Circuit, LinearModelError, read_model
-from ps_fmu.pointing import RelativeError
+from ps_fmu.mechanism.signals import output_slices
+from ps_fmu.pointing import AbsoluteError, RelativeError
 from ps_fmu.pointing.budget import UncertaintyFactors, make_budget
+from ps_fmu.theory.sampled import step_loop
 from ps_fmu.trades.budget import report
 from ps_fmu.trades.budget.results import (
+    BudgetError,
     compute_budgets,
     find_edges,
     list_sources,
@@ -46,18 +53,21 @@ def found(built_fmus, tmp_path_factory):
 
 
 def budget(system, axis, active=True, **options):
-    modes, sources = list_sources(Circuit(read_model(system), active), ROTATION, points=200)
+    resonances, sources = list_sources(Circuit(read_model(system), active), ROTATION, points=200)
     own = [select_signals(source, [axis]) for source in sources]
-    return make_budget(INDEX, own, find_edges(5000.0), step=1e-4, modes=modes, **options)
+    return make_budget(INDEX, own, find_edges(5000.0), step=1e-4, resonances=resonances, **options)
 
 
 def test_all_budgets_add_up(found):
-    """To 1e-9, by source, band and mode."""
+    """To 1e-9, by source, band and resonance; none takes away, and none is above the whole."""
     assert len(found[1]) == 28  # two systems, passive and active, seven signals of three requirements
     for entry in found[1]:
         assert entry["variance"] == pytest.approx(entry["rms"] ** 2, rel=1e-12, abs=0.0)
-        for parts in ("by_source", "by_band", "by_mode", "by_source_and_band"):
+        for parts in ("by_source", "by_band", "by_resonance", "by_source_and_band"):
             assert np.sum(entry[parts]) == pytest.approx(entry["variance"], rel=1e-9, abs=0.0)
+            if parts != "by_source_and_band":
+                shares = np.array(entry[parts]) / entry["variance"]
+                assert shares.min() > -1e-8 and shares.max() < 1.0 + 1e-8
 
 
 def test_the_answers(found):
@@ -80,8 +90,8 @@ def test_the_answers(found):
     assert 0.0 < sum(part for name, part in shares.items() if name.startswith("coil")) < 1e-3 * image["variance"]
     assert not any(name.startswith("accelerometer") for name in passive["sources"])
     jitter = entries["SystemStructure", "active", "residual jitter", x]
-    modes = dict(zip(jitter["modes"], jitter["by_mode"], strict=True))
-    assert max(modes, key=modes.get) == "153 Hz"
+    resonances = dict(zip(jitter["resonances"], jitter["by_resonance"], strict=True))
+    assert max(resonances, key=resonances.get) == "153.5 to 160.5 Hz"
 
 
 def test_files_and_text(found):
@@ -94,6 +104,34 @@ def test_files_and_text(found):
     assert "Instrument: APE, of |plant.los|, active:" in text
     assert "| active | image point | los |" not in (output / "budget.md").read_text()
     assert "noise torque x" in (output / "budget.md").read_text()
+
+
+def test_what_tables_and_page_say(built_fmus, ssv, tmp_path):
+    """The worst phases beside the mean; RMS alone and correlations of what cancels; each heading once in the page."""
+    requirements = tmp_path / "mine.toml"
+    requirements.write_text(
+        '[[requirement]]\nname = "still"\nsignal = "plant.payload_rotation"\nindex = "jitter"\nwindow = "20 ms"\n'
+        'statistic = "rms"\nconfidence = 0.9\nlimit = "1 nrad"\n'
+    )
+    wheel = {f"disturbance.wheel_1.{name}_speed": 31.0 for name in ("initial", "final")}
+    wheel |= {"disturbance.wheel_1.enabled": True, "disturbance.wheel_1.scale": 1e3}
+    options = AnalysisOptions(
+        tmp_path, built_fmus, SYSTEM / "VoiceCoils.ssd", progress=False, parameters=(ssv(wheel),),
+        requirements=requirements,
+    )  # fmt: skip
+    result = report.analyse(options, points=50)
+    result.write(tmp_path)
+    totals, _, channels, resonances = result.tables
+    assert totals.header[3] == "RMS (worst phases)" and "worst phases are those" in " ".join(result.text)
+    mean, worst = totals.rows[0][3].removesuffix(" nrad").rstrip(")").split(" (")
+    assert float(mean) < float(worst) < 2.0 * float(mean)
+    joined = next(row for row in channels.rows if row[2] == "noise torque x")
+    assert joined[3].endswith(" nrad") and joined[4].startswith("-0.9")
+    assert joined[4].split()[1:] == ["force", "y"]
+    assert "153.5 to 160.5 Hz: " in resonances.rows[0][2]
+    page = (tmp_path / "budget.html").read_text()
+    assert page.count("<h2>VoiceCoils: totals</h2>") == 1
+    assert "<caption>RMS, what a Gaussian error" in page and "<caption>VoiceCoils" not in page
 
 
 def test_uncertainty_factors_scale_as_squares(systems):
@@ -118,7 +156,7 @@ def test_wheels_by_harmonic(systems):
     assert len(one.channels) == 24
     assert one.dominant()[:3] in (("wheel 2 force 1.01", 2.0, 5.0), ("wheel 2 torque 1.01", 2.0, 5.0))
     ten = budget(systems["SystemStructure"].with_parameters({**values, "disturbance.wheel_2.scale": 10.0}), 1)
-    assert ten.contribution == pytest.approx(100.0 * one.contribution, rel=1e-9, abs=0.0)
+    assert ten.pairs == pytest.approx(100.0 * one.pairs, rel=1e-9, abs=0.0)
     sine = {"disturbance.noise.enabled": False, "disturbance.tone_1.torque.y": 1.0, "disturbance.tone_1.frequency": 0.2}
     line = budget(systems["SystemStructure"].with_parameters(sine), 1, active=False)
     assert line.channels == ("sine 1",)
@@ -137,17 +175,75 @@ def test_a_line_of_a_wheel_turns_as_its_source_does(systems, speed):
     wheel = next(kind for name, _, kind in shared.list_disturbances() if name == "wheel_4")
     own = wheel.make_source(shared, 4)
     amplitude = own.amplitudes(speed)[own.orders == 1.01][0]
-    for axis, response in enumerate(circuit.respond(source.frequency, ROTATION, [SOURCE]).parts.sum(axis=0)[0]):
+    for axis, response in enumerate(circuit.respond(source.frequency, ROTATION, [SOURCE])[0]):
         expected = 0.5 * np.abs(response @ (amplitude if speed > 0.0 else amplitude.conj())) ** 2
-        assert select_signals(source, [axis]).density() == pytest.approx(expected, rel=1e-9, abs=0.0)
+        force = select_signals(source, [axis]).pairs()[:, 0, 0]
+        assert force == pytest.approx(expected, rel=1e-9, abs=0.0)
+
+
+def test_sines_of_one_frequency_have_their_phases(systems):
+    """Two that cancel each other, in one line; of other frequencies they would be two."""
+    torques = {"disturbance.tone_1.torque.y": 1.0, "disturbance.tone_2.torque.y": 0.9}
+    system = systems["SystemStructure"].with_parameters({"disturbance.noise.enabled": False, **torques})
+    both = {phase: budget(system.with_parameters({"disturbance.tone_2.phase": phase}), 1) for phase in (0.0, np.pi)}
+    assert both[0.0].variance == pytest.approx(1.9**2 / 0.1**2 * both[np.pi].variance, rel=1e-9)
+    assert [line.name for line in both[0.0].lines] == ["sine 1", "sine 2"]
+    assert [line.name for line in both[np.pi].lines] == ["sine 1 with 2"]
+    assert both[np.pi].correlation[0, 1] == pytest.approx(-1.0)
+    assert both[np.pi].worst_variance == pytest.approx(both[np.pi].variance)
+    apart = budget(system.with_parameters({"disturbance.tone_2.frequency": 2.0}), 1)
+    assert len(apart.lines) == 2 and apart.correlation[0, 1] == 0.0
+
+
+def test_two_wheels_at_one_speed_have_a_worst_phase(systems):
+    """Of equal wheels the worst is twice the mean, since their forces and torques may add up."""
+    own = {"enabled": True, "spin_axis.x": 1.0, "spin_axis.y": 0.0, "initial_speed": 30.0, "final_speed": 30.0}
+    wheels = {f"disturbance.wheel_{k}.{name}": value for k in (1, 2) for name, value in own.items()}
+    quiet = systems["SystemStructure"].with_parameters({"disturbance.noise.enabled": False})
+    both = budget(quiet.with_parameters(wheels), 1)
+    one = budget(quiet.with_parameters({**wheels, "disturbance.wheel_2.enabled": False}), 1)
+    assert both.variance == pytest.approx(2.0 * one.variance, rel=1e-9)
+    assert both.worst_variance == pytest.approx(4.0 * one.worst_variance, rel=1e-9)
+    assert len(both.channels) == 48
+
+
+def test_the_noise_reaches_beyond_its_band(systems):
+    """The passive image point against a plain sum over equal frequencies, by another way from the wrench to it.
+
+    The free bus has most of its motion at the lower edge: a rectangle from 0.1 Hz on has 0.86 of this variance.
+    """
+    circuit = Circuit(read_model(systems["SystemStructure"]), active=False)
+    shared, noise = circuit.model.disturbance, circuit.model.disturbance.kinds["noise"]
+    resonances, sources = list_sources(circuit, ("los.x", "los.y"))
+    found = make_budget(AbsoluteError(), sources, find_edges(5000.0), step=1e-4, resonances=resonances)
+    places = np.arange(*output_slices()["los"].indices(10**6))
+    model = circuit.model.loop.model
+    frequency = np.arange(1e-4, 3.0, 1e-4)
+    response = step_loop(model, None, 1e-4, places).response(frequency)
+    psd = psd_at_origin(noise.wrench_psd_B, shared.bus.com_B)
+    density = np.einsum("nsi,ij,nsj->n", response, psd, response.conj()).real
+    own = density * gaussian_density(noise.band, noise.period, frequency)
+    assert found.share(found.by_band[0]) == pytest.approx(0.14, abs=0.01)
+    assert own.sum() / density[frequency >= 0.1].sum() == pytest.approx(1.161, abs=0.01)
+    limits = [0.0, 0.1, 0.2, 0.5, 1.0, 2.0]
+    expected = np.histogram(frequency, limits, weights=1e-4 * own)[0]
+    assert found.by_band[5:].sum() < 0.02 * found.variance
+    verify_claim(
+        "budget.noise_at_the_edges_of_its_band",
+        claim="Variance of the passive image point by band, below 0.1 Hz, too, where the noise has 14 % of it",
+        where="`ps-fmu analyse budget`: RMS and shares of bands",
+        reference="sum over equal frequencies with the generator's density, plant without the wiring of the system",
+        error=np.abs(found.by_band[:5] - expected) / found.variance,
+        bound=2e-3,
+    )
 
 
 def test_a_line_of_sight_loop_brings_the_noise_of_its_tracker(systems):
     """And takes away what is slow: the sum is still that of the parts."""
     split, looped = (budget(systems[name], 0) for name in ("InertialSensors", "LineOfSight"))
     assert looped.channels[-3:] == ("tracker x", "tracker y", "tracker z")
-    assert looped.contribution.sum() == pytest.approx(looped.variance, rel=1e-9, abs=0.0)
-    shares = looped.by_channel / looped.variance
+    assert looped.pairs.sum() == pytest.approx(looped.variance, rel=1e-9, abs=0.0)
+    shares = looped.pairs.sum(axis=(0, 1)) / looped.variance
     assert 0.1 < shares[-3] < 0.5
     assert shares[-2:].max() < 0.05
     slow = looped.edges[1:] <= 0.5
@@ -195,6 +291,13 @@ def test_a_quiet_system_has_a_sentence_of_its_own(systems, tmp_path):
 def test_what_has_no_budget_is_refused(systems, values, message):
     with pytest.raises(ValueError, match=message):
         budget(systems["SystemStructure"].with_parameters(values), 0)
+
+
+def test_a_recording_of_a_few_steps_is_refused(systems, tmp_path):
+    path = tmp_path / "short.csv"
+    path.write_text(f"{','.join(HEADER)}\n0,1,0,0,0,0,0\n0.001,-1,0,0,0,0,0\n")
+    with pytest.raises(BudgetError, match=r"disturbance\.recording: it lasts 0\.001 s; a budget needs 100 steps"):
+        budget(systems["SystemStructure"].with_parameters({"disturbance.recording.path": str(path)}), 0)
 
 
 def test_other_components_are_refused(systems, tmp_path):

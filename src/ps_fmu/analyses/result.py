@@ -6,7 +6,7 @@ import json
 import shutil
 import textwrap
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TypeVar
 
@@ -258,7 +258,9 @@ class AnalysisResult:
         sections = []
         if self.findings:
             sections.append(Section("The paper's numbers", tables=[findings_table(self.findings)]))
-        sections += [Section(table.caption.partition(";")[0], tables=[table]) for table in self.tables]
+        for table in self.tables:
+            heading, _, more = table.caption.partition("; ")
+            sections.append(Section(heading, tables=[replace(table, caption=more[:1].upper() + more[1:])]))
         for part in self.parts:
             link = f"{part.name}.html", f"All of this analysis: {part.name}.html"
             sections.append(Section(part.title, pictures=part.pictures, link=link))

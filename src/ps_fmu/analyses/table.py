@@ -92,7 +92,7 @@ _TABLE = (
     ),
     Analysis(
         "budget",
-        "each source's, frequency band's and mode's share of the pointing errors that requirements name",
+        "each source's, frequency band's and resonance's share of the pointing errors that requirements name",
         "ps_fmu.trades.budget.report:analyse",
         takes=("parameters", "requirements", "uncertainty"),
     ),

@@ -149,23 +149,28 @@ class Recording:
     def __init__(self, path: Path, repeat: bool = False, scale: float = 1.0) -> None:
         table = read_columns(path, HEADER, "path")
         self._time, self._wrench = table[:, 0].copy(), scale * table[:, 1:]
-        self._repeat = repeat
+        self.repeats = repeat
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """Times of the first and the last line, s."""
+        return float(self._time[0]), float(self._time[-1])
 
     @property
     def end(self) -> float:
         """Time where the recording is cut off, s; infinite if it is repeated, or has died away in its last line."""
         died_away = np.abs(self._wrench[-1]).max() <= _DIED_AWAY * np.abs(self._wrench).max()
-        return np.inf if self._repeat or died_away else float(self._time[-1])
+        return np.inf if self.repeats or died_away else float(self._time[-1])
 
     def __call__(self, time: Array) -> Array:
         """Force (N) and torque (N.m) in B at its origin at the times (n,) in s, shape (n, 6)."""
         first, last = self._time[0], self._time[-1]
-        at = first + np.mod(time - first, last - first) if self._repeat else np.clip(time, first, last)
+        at = first + np.mod(time - first, last - first) if self.repeats else np.clip(time, first, last)
         after = np.clip(np.searchsorted(self._time, at, side="right"), 1, self._time.size - 1)
         before = after - 1
         part = (at - self._time[before]) / (self._time[after] - self._time[before])
         wrench = self._wrench[before] + part[:, None] * (self._wrench[after] - self._wrench[before])
-        if not self._repeat:
+        if not self.repeats:
             # The slack is for times that are sums of steps: the last line acts.
             slack = 1e-9 * (last - first)
             wrench[(time < first - slack) | (time > last + slack)] = 0.0

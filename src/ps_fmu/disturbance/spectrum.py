@@ -176,6 +176,18 @@ _REACH = 12  # lines to either side of a frequency: further away a line has 1e-1
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(64)
 
 
+def edge_frequencies(band: Array, period: float) -> Array:
+    """Ascending frequencies (n,), Hz, above 0, over the edges of a band, as dense as :func:`gaussian_density` bends.
+
+    Beyond the first and the last of them there is nothing.  Arguments as there.
+    """
+    found = layers(band, period, half=False, overlap=True)
+    off = np.linspace(-_REACH, _REACH, 20 * _REACH + 1)
+    at = [each.frequencies[end] + off / each.period for each, end in ((found[0], 0), (found[-1], -1))]
+    joined = np.unique(np.concatenate(at))
+    return np.asarray(joined[joined > 0.0])
+
+
 def gaussian_density(band: Array, period: float, frequency: Array) -> Array:
     """Density (n,) at ascending frequencies (n,), Hz, above 0, in parts of the flat density that is asked for.
 

@@ -23,7 +23,7 @@ from ..mechanism.linear_model import Plant
 from ..mechanism.parameters import load
 from ..mechanism.quantities import Array, Complex, ParameterError, list_entries, take_values
 from ..mechanism.signals import OUTPUTS
-from ..pointing.modal import ModalResponse, StateSpace
+from ..pointing.modal import StateSpace
 from ..sensors.inertial import InertialSensors, default_sensors
 from ..sensors.line_of_sight import DEFAULT_TRACKER, Tracker
 from ..theory.line_of_sight import SampledPointing, Timing, close_loop
@@ -296,23 +296,22 @@ class Circuit:
             found = np.concatenate([found, np.linalg.eigvals(pointing.control.matrices()[0])])
         return np.asarray(found[np.isfinite(found)])
 
-    def respond(self, frequency: Array, signals: Sequence[str], sources: Sequence[str]) -> ModalResponse:
-        """By mode, from the channels of some sources (FMUs, in the order of :attr:`channels`) to outputs of the plant.
+    def respond(self, frequency: Array, signals: Sequence[str], sources: Sequence[str]) -> Complex:
+        """(n, signals, channels), from the channels of some sources (FMUs, in the order of :attr:`channels`).
 
-        Modes are those without a line-of-sight loop; where it is closed, they are what it acts against.  Raises
-        :class:`..theory.stability.UnstableError`: an unstable loop has no response.
+        To outputs of the plant, at frequencies (n,), Hz.  Raises :class:`..theory.stability.UnstableError`: an unstable
+        loop has no response.
         """
         self.require_stable()
         sources = [fmu for fmu in self.channels if fmu in sources]
         if not self.closed:
-            return self._connect(self._list_inputs(sources), signals).modal_response(frequency)
+            return self._connect(self._list_inputs(sources), signals).response(frequency)
         assert self.model.pointing is not None
         inputs = self._list_inputs([*(fmu for fmu in sources if fmu != TRACKER), TRACKER])
-        found = self._connect(inputs, [*signals, *SEEN]).modal_response(frequency)
-        answers, errors = found.parts[:, :, : len(signals)], found.parts[:, :, len(signals) :].sum(axis=0)
+        answers, errors = np.split(self._connect(inputs, [*signals, *SEEN]).response(frequency), [len(signals)], axis=1)
         K = self.model.pointing.response(np.asarray(2j * np.pi * frequency))
-        parts = close_loop(K, errors, answers, slice(len(inputs) - 3, None))
-        return ModalResponse(found.modes, parts if TRACKER in sources else parts[..., :-3])
+        closed = close_loop(K, errors, answers, slice(len(inputs) - 3, None))
+        return closed if TRACKER in sources else closed[..., :-3]
 
     def _list_inputs(self, sources: Sequence[str]) -> list[str]:
         return [name for fmu in sources for name in self.channels[fmu]]
@@ -386,11 +385,6 @@ def _list_turned(system: System, components: Mapping[str, str]) -> Iterator[tupl
         for name in (name for names in TURNED[fmu] for name in names):
             value, unit = (known[name].value, known[name].unit) if name in known else (0.0, "s")  # of delays
             yield f"{components[fmu]}.{name}", Turned(float(given.get(name, value)), unit)
-
-
-def limit_response(found: ModalResponse) -> Complex:
-    """The parts of a response with the lowest frequency's once more in front, for 0 Hz: constant below it."""
-    return np.concatenate([found.parts[:, :1], found.parts], axis=1)
 
 
 def _make_pointing(

@@ -1,34 +1,40 @@
-"""How much of an index's variance each source, frequency band and mode contributes.
+"""How much of an index's variance each source, frequency band and resonance contributes.
 
 An error e of one or more signals follows from sources with the spectra S (k, k), one-sided, by transfer matrices G (f),
-and its density is trace(G S G^H).  A contribution is the part of it that a channel c of a source and a mode m make with
-all there is::
+and its density is trace(G S G^H).  Two channels i and j of a source make the part ::
 
-    Re sum_s G_m[s, c] (S G^H)[c, s]
+    V_ij = integral of W Re sum_s G[s, i] S[i, j] conj(G[s, j])
 
-so that the cross term of two channels that are correlated, or of two modes, is shared half and half between them, and
-contributions add up to the whole.  They may be negative: the channel, or the mode, takes away from what the others do.
-For a channel that is correlated with no other it is the variance when all else is switched off.
+of it, W being the weight of the index.  V_ii is the variance that channel i makes alone; V_ij, i not j, is what they
+make by being correlated, below zero where one takes away from the other.  Their sum is the variance; that over j is
+the contribution of channel i, which has half of each cross term.  Channels that cancel each other are one line of the
+budget: they are joined until no line takes away, nor more than half a per cent in a band.  So the shares of lines,
+bands and resonances lie between 0 and 100 %.
 
-Each source has its own frequencies: of samples of a density, which is linear in between, or of lines.  Bands and modes
-are those of the whole budget.
+Each source has its own frequencies: of samples of a density, which is linear in between, or of lines.  Bands and
+resonances are those of the whole budget; a frequency belongs to one band, and to one resonance or to none.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .index import PointingIndex
+from .modal import ELSEWHERE, Resonance
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 _HERMITIAN = 1e-9  # of the largest element
+_NAMED = 2  # channels of a line that its name has besides the first
+_SMALL, _ROUNDING = 0.005, 1e-9  # of the variance: what a line may take away in a band, and in all
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,12 +45,17 @@ class Source:
     """
 
     name: str
-    channels: tuple[str, ...]  # names of the k channels, each of which has a line in the budget
-    frequency: Array  # (n,), Hz, ascending
-    response: Complex  # from the channels to the error: (n, signals, k), or by mode (modes, n, signals, k)
-    spectrum: NDArray[np.generic]
+    channels: tuple[str, ...]  # names of the k channels, which begin with that of the source if there are several
+    frequency: Array  # (n,), Hz, ascending; of lines in any order
+    response: Complex  # (n, signals, k), from the channels to the error
+    spectrum: NDArray[Any]
     """(n, k, k) or (k, k) for all frequencies, Hermitian: one-sided density, unit^2/Hz; of lines the mean squares."""
     lines: bool = False  # lines at the frequencies; otherwise samples of a density
+    phases: tuple[object, ...] | None = None
+    """Of lines with unknown phases, by channel, equal for channels whose phases are known relative to each other.
+
+    The spectrum is the mean over the unknown ones.  None: there are none.
+    """
 
     def __post_init__(self) -> None:
         k, n = len(self.channels), len(self.frequency)
@@ -52,33 +63,38 @@ class Source:
             raise ValueError(f"{self.name}, frequency: expected values (n,) from 0 Hz on")
         if not self.lines and (n < 2 or not (np.diff(self.frequency) > 0.0).all()):
             raise ValueError(f"{self.name}, frequency: expected two or more ascending values")
-        if self.response.ndim not in (3, 4) or self.response.shape[-3::2] != (n, k):
-            shape = self.response.shape
-            raise ValueError(f"{self.name}, response: expected ({n}, signals, {k}), by mode or not, got {shape}")
+        if self.response.ndim != 3 or self.response.shape[::2] != (n, k):
+            raise ValueError(f"{self.name}, response: expected ({n}, signals, {k}), got {self.response.shape}")
         if self.spectrum.shape not in ((n, k, k), (k, k)):
             shape = self.spectrum.shape
             raise ValueError(f"{self.name}, spectrum: expected ({n}, {k}, {k}) or ({k}, {k}), got {shape}")
+        if self.phases is not None and len(self.phases) != k:
+            raise ValueError(f"{self.name}, phases: expected {k}, got {len(self.phases)}")
         size = float(np.abs(self.spectrum).max(initial=0.0))
         if not np.isfinite(size) or not np.isfinite(self.response).all():
             raise ValueError(f"{self.name}: response and spectrum must be finite")
         if np.abs(self.spectrum - np.swapaxes(self.spectrum, -1, -2).conj()).max(initial=0.0) > _HERMITIAN * size:
             raise ValueError(f"{self.name}, spectrum: expected Hermitian matrices")
 
-    @property
-    def by_mode(self) -> Complex:
-        """(modes, n, signals, k)."""
-        return self.response if self.response.ndim == 4 else self.response[None]
-
     def density(self) -> Array:
         """(n,), of the error, all signals together: unit^2/Hz, or unit^2 of a line."""
-        G = self.by_mode.sum(axis=0)
+        G = self.response
         return np.asarray(np.einsum("nsc,nsc->n", G @ self.spectrum, G.conj()).real)
 
-    def shares(self) -> Array:
-        """(k, modes, n), the parts of :meth:`density` by channel and mode."""
-        G = self.by_mode.sum(axis=0)
-        other = self.spectrum @ np.swapaxes(G.conj(), -1, -2)  # (n, k, signals)
-        return np.asarray(np.einsum("mnsc,ncs->cmn", self.by_mode, other).real)
+    def pairs(self) -> Array:
+        """(n, k, k), the parts of :meth:`density` that pairs of channels make."""
+        gram = np.swapaxes(self.response, -1, -2) @ self.response.conj()
+        return np.asarray((gram * self.spectrum).real)
+
+    def worst(self) -> Array:
+        """(n,), :meth:`density` with those unknown phases that make most; for three or more of them an upper bound."""
+        if self.phases is None:
+            return self.density()
+        unknown = list(dict.fromkeys(self.phases))
+        member = np.array([[phase == each for each in unknown] for phase in self.phases], dtype=float)
+        size = np.sqrt(np.einsum("...kk->...k", self.spectrum).real)
+        together = (self.response * size[..., None, :]) @ member  # (n, signals, unknown phases)
+        return np.asarray(np.abs(np.swapaxes(together, -1, -2) @ together.conj()).sum(axis=(1, 2)))
 
 
 @dataclass(frozen=True)
@@ -104,17 +120,27 @@ class UncertaintyFactors:
         return np.asarray(np.array(self.factors)[np.searchsorted(self.limits, frequency, side="right")])
 
 
+@dataclass(frozen=True)
+class Line:
+    """A channel of a budget, or several that cancel each other in part."""
+
+    name: str
+    channels: tuple[int, ...]  # their places in the budget, that which makes most alone first
+
+
 @dataclass(frozen=True, eq=False)
 class Budget:
-    """The variance of an index by channel, frequency band and mode."""
+    """The variance of an index by channel, frequency band and resonance."""
 
     index: PointingIndex
     channels: tuple[str, ...]  # names, source by source
     edges: Array  # (bands + 1,), Hz
-    modes: tuple[str, ...]
-    contribution: Array
-    """(channels, bands, modes), unit^2; their sum is :attr:`variance`; some may be negative."""
+    pairs: Array
+    """(bands, channels, channels), unit^2, symmetric: what pairs of channels make; their sum is :attr:`variance`."""
+    resonances: tuple[Resonance, ...]
+    by_resonance: Array  # (resonances + 1,), unit^2; the last is what lies elsewhere
     variance: float  # of all, unit^2, from the density of the error as a whole
+    worst_variance: float  # unit^2; with the unknown phases of lines that make most
     factors: UncertaintyFactors = field(default_factory=UncertaintyFactors)
 
     @property
@@ -123,31 +149,79 @@ class Budget:
         return float(np.sqrt(max(self.variance, 0.0)))
 
     @property
-    def by_channel(self) -> Array:
-        """(channels,), unit^2."""
-        return np.asarray(self.contribution.sum(axis=(1, 2)))
+    def worst_rms(self) -> float:
+        """Root of the variance with the worst phases, unit."""
+        return float(np.sqrt(max(self.worst_variance, 0.0)))
+
+    @property
+    def resonance_names(self) -> tuple[str, ...]:
+        """Of the entries of :attr:`by_resonance`."""
+        return (*(each.name for each in self.resonances), ELSEWHERE)
 
     @property
     def by_band(self) -> Array:
         """(bands,), unit^2."""
-        return np.asarray(self.contribution.sum(axis=(0, 2)))
+        return np.asarray(self.pairs.sum(axis=(1, 2)))
 
-    @property
-    def by_mode(self) -> Array:
-        """(modes,), unit^2."""
-        return np.asarray(self.contribution.sum(axis=(0, 1)))
+    @cached_property
+    def alone(self) -> Array:
+        """(channels,), unit: RMS that each channel makes alone."""
+        return np.sqrt(np.maximum(np.diagonal(self.pairs.sum(axis=0)), 0.0))
+
+    @cached_property
+    def correlation(self) -> Array:
+        """(channels, channels), from -1 to 1: of what the channels make of the error; 0 where one makes nothing."""
+        size = np.outer(self.alone, self.alone)
+        return np.divide(self.pairs.sum(axis=0), size, out=np.zeros_like(size), where=size > 0.0)
+
+    @cached_property
+    def lines(self) -> tuple[Line, ...]:
+        """The channels, those joined that cancel each other; the largest contribution first."""
+        groups = [[k] for k in range(len(self.channels))]
+        kept = np.concatenate([self.pairs, self.pairs.sum(axis=0, keepdims=True)])  # of each band, and of all
+        allowed = self.variance * np.append(np.full(len(self.pairs), _SMALL), _ROUNDING)
+        while groups:
+            above = kept.sum(axis=2) + allowed[:, None]  # (bands + 1, groups)
+            band, group = np.unravel_index(int(above.argmin()), above.shape)
+            if above[band, group] >= 0.0:
+                break
+            other = int(np.where(np.arange(len(groups)) == group, np.inf, kept[band, group]).argmin())
+            first, second = sorted((int(group), other))
+            kept[:, first] += kept[:, second]
+            kept[:, :, first] += kept[:, :, second]
+            kept = np.delete(np.delete(kept, second, axis=1), second, axis=2)
+            groups[first] += groups.pop(second)
+        order = np.argsort(-kept[-1].sum(axis=1), kind="stable")
+        return tuple(self._name(sorted(groups[k], key=lambda k: -self.alone[k])) for k in order)
+
+    def _name(self, members: list[int]) -> Line:
+        first, *others = (self.channels[k] for k in members)
+        if others:
+            named = ", ".join(drop_source(name, first) for name in others[:_NAMED])
+            more = len(others) - _NAMED
+            first += f" with {named}{f' and {more} more' if more > 0 else ''}"
+        return Line(first, tuple(members))
+
+    def contribution(self, line: Line) -> Array:
+        """(bands,), unit^2, of a line."""
+        return np.asarray(self.pairs[:, list(line.channels)].sum(axis=(1, 2)))
 
     def share(self, part: float) -> float:
         """A part of the variance as a share of it; 0 where there is none at all."""
-        return part / self.variance if self.variance else 0.0
+        return float(part / self.variance) if self.variance else 0.0
 
     def dominant(self) -> tuple[str, float, float, float]:
-        """The channel that contributes most, the band (low, high), Hz, in which it does most, and its share there."""
-        table = self.contribution.sum(axis=2)
-        channel = int(table.sum(axis=1).argmax())
-        band = int(table[channel].argmax())
+        """The line that contributes most, the band (low, high), Hz, in which it does most, and its share there."""
+        bands = self.contribution(self.lines[0])
+        band = int(bands.argmax())
         low, high = self.edges[band : band + 2]
-        return self.channels[channel], float(low), float(high), self.share(float(table[channel, band]))
+        return self.lines[0].name, float(low), float(high), self.share(float(bands[band]))
+
+
+def drop_source(name: str, other: str) -> str:
+    """The name of a channel without its first word, where another's begins with the same."""
+    word = other.partition(" ")[0]
+    return name.removeprefix(f"{word} ")
 
 
 def make_budget(
@@ -156,7 +230,7 @@ def make_budget(
     edges: ArrayLike,
     *,
     step: float | None = None,
-    modes: Sequence[str] = ("all",),
+    resonances: Sequence[Resonance] = (),
     factors: UncertaintyFactors | None = None,
 ) -> Budget:
     """The budget of an index.
@@ -167,26 +241,37 @@ def make_budget(
     edges: (bands + 1,), Hz, ascending, from the lowest to the highest frequency of all sources or beyond.  A line at an
         edge belongs to the band above.
     step: s, for the index of samples; None: continuous time.  See :meth:`.PointingIndex.weight`.
-    modes: names of the modes of the sources' responses; one where they are not by mode.
+    resonances: that do not overlap, see :func:`.modal.find_resonances`.
     factors: on the amplitude, by frequency; None: one everywhere.
 
-    Raises ``ValueError`` for sources that the bands do not cover, modes and signals that do not fit, names that occur
-    twice, and for what the index refuses.
+    Raises ``ValueError`` for sources that the bands do not cover, signals that do not fit, names that occur twice, and
+    for what the index refuses.
     """
     sources, edges = list(sources), np.asarray(edges, dtype=float)
     factors = UncertaintyFactors() if factors is None else factors
     channels = tuple(name for source in sources for name in source.channels)
-    _check(sources, channels, edges, len(modes))
-    parts, variance = [np.zeros((0, len(edges) - 1, len(modes)))], 0.0
+    _check(sources, channels, edges)
+    limits = np.array([limit for each in resonances for limit in (each.low, each.high)])
+    cells = np.unique(np.concatenate([edges, limits[(limits > edges[0]) & (limits < edges[-1])]]))
+    middle = 0.5 * (cells[:-1] + cells[1:])
+    of_band = (np.searchsorted(edges, middle) - 1) == np.arange(len(edges) - 1)[:, None]
+    inside = [(middle > each.low) & (middle < each.high) for each in resonances]
+    of_resonance = np.array([*inside, ~np.any([np.zeros(len(middle), dtype=bool), *inside], axis=0)])
+    pairs = np.zeros((len(edges) - 1, len(channels), len(channels)))
+    by_resonance, variance, worst, first = np.zeros(len(of_resonance)), 0.0, 0.0, 0
     for source in sources:
         make = _weigh_lines if source.lines else _weigh_density
-        coefficients = make(index, source.frequency, edges, step, factors)
-        parts.append(np.einsum("bn,cmn->cbm", coefficients, source.shares()))
-        variance += float(coefficients.sum(axis=0) @ source.density())
-    return Budget(index, channels, edges, tuple(modes), np.concatenate(parts), variance, factors)
+        coefficients = make(index, source.frequency, cells, step, factors)  # (cells, n)
+        place = slice(first, first := first + len(source.channels))
+        pairs[:, place, place] = np.tensordot(of_band @ coefficients, source.pairs(), axes=1)
+        density = source.density()
+        by_resonance += of_resonance @ (coefficients @ density)
+        variance += float(coefficients.sum(axis=0) @ density)
+        worst += float(coefficients.sum(axis=0) @ source.worst())
+    return Budget(index, channels, edges, pairs, tuple(resonances), by_resonance, variance, worst, factors)
 
 
-def _check(sources: Sequence[Source], channels: Sequence[str], edges: Array, modes: int) -> None:
+def _check(sources: Sequence[Source], channels: Sequence[str], edges: Array) -> None:
     if edges.ndim != 1 or len(edges) < 2 or not ((edges[0] >= 0.0) & (np.diff(edges) > 0.0)).all():
         raise ValueError("edges: expected two or more ascending frequencies from 0 Hz on")
     for source in sources:
@@ -194,8 +279,6 @@ def _check(sources: Sequence[Source], channels: Sequence[str], edges: Array, mod
         if low < edges[0] or high > edges[-1]:
             bands = f"the bands from {edges[0]:g} to {edges[-1]:g} Hz"
             raise ValueError(f"edges: {bands} do not cover {source.name}, {low:g} to {high:g} Hz")
-        if len(source.by_mode) != modes:
-            raise ValueError(f"{source.name}: its response has {len(source.by_mode)} modes, expected {modes}")
         if source.response.shape[-2] != sources[0].response.shape[-2]:
             raise ValueError(f"{source.name}: its response has another number of signals than {sources[0].name}")
     twice = sorted({name for name in channels if channels.count(name) > 1})

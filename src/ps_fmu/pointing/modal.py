@@ -1,4 +1,4 @@
-"""Frequency response of a linear model, and its parts by mode.
+"""Frequency response of a linear model, and where it resonates.
 
 The model is written with increments, so that modes far below the sampling rate keep their digits::
 
@@ -8,18 +8,15 @@ With d = (z - 1) / step, z = exp(2 pi i f step), the response is C (d E - A)^-1 
 x' = A x + B u, where d = 2 pi i f.  (R. H. Middleton, G. C. Goodwin, Improved finite word length characteristics in
 digital control using delta operators, IEEE Trans. Autom. Control 31 (1986) 1015-1021.)
 
-A mode is a pair of oscillating poles.  Its part of the response follows from eigenvalue l and eigenvectors, right v and
-left w::
-
-    R / (d - l) + conj(R) / (d - conj(l)),    R = (C v) (w^H B) / (w^H v)
-
-What no mode makes is the **rest**: rigid motion, filters, delays, what acts directly.  It is the difference to the
-whole response, so that the parts add up to it, and multiple poles, which have no eigenvectors of their own, do no harm.
+A lightly damped mode shows in a spectrum as a peak, and in the integral over it as a step: 94 % of what white noise
+makes of one mode lie within ten half-power half-widths of its frequency (2 / pi atan 10).  These are the frequencies
+of a :class:`Resonance`.  So each frequency belongs to one resonance or to none, and what lies in them adds up to the
+whole, without a part below zero.  Parts of the response by residues do not: slow ones, or those of nearly multiple
+poles, are many times the whole, and cancel each other.
 """
 
 from __future__ import annotations
 
-from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -29,40 +26,55 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-REST = "rest"
-_MOST_DIGITS = 17  # tell any two frequencies apart
+ELSEWHERE = "elsewhere"  # than in a resonance
 _BLOCK = 64  # frequencies that are solved at a time: 15 MB with 120 states
+_REACH = 10.0  # half-power half-widths of a mode, to either side of it, that belong to its resonance
+_MOST_DAMPING = 0.1  # damping ratio of a mode that makes a resonance: with more of it that would reach down to 0 Hz
+_APART = 3.0  # sums of the half-widths of two modes: what lies nearer is one resonance
 
 
 @dataclass(frozen=True)
-class Mode:
-    """A pair of oscillating poles, or several that cannot be told apart."""
+class Resonance:
+    """Lightly damped modes that a spectrum does not tell apart, and the frequencies that they stand out at."""
 
-    frequency: float  # Hz, of the undamped oscillation
-    damping: float  # damping ratio
+    modes: tuple[float, ...]  # frequencies of the undamped oscillations, ascending, Hz
+    low: float  # Hz
+    high: float  # Hz
 
     @property
     def name(self) -> str:
-        """For example ``5.02 Hz``."""
-        return _name(self, 3)
+        """For example ``5.015 Hz``, or ``5.115 to 5.365 Hz`` for more than one mode."""
+        names = list(dict.fromkeys(f"{frequency:.4g}" for frequency in (self.modes[0], self.modes[-1])))
+        return f"{' to '.join(names)} Hz"
 
 
-@dataclass(frozen=True, eq=False)
-class ModalResponse:
-    """A frequency response by mode."""
+def find_resonances(poles: Complex, highest: float) -> tuple[Resonance, ...]:
+    """The resonances of poles (n,), rad/s, by ascending frequency, up to ``highest``, Hz.
 
-    modes: tuple[Mode, ...]  # by ascending frequency
-    parts: Complex  # (modes + 1, n, signals, inputs); the last is the rest, and their sum is the response
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Of the parts; frequencies of three digits, or of as many more as tell modes apart."""
-        names = [mode.name for mode in self.modes]
-        for digits in range(4, _MOST_DIGITS + 1):
-            count = Counter(names)
-            pairs = zip(self.modes, names, strict=True)
-            names = [_name(mode, digits) if count[name] > 1 else name for mode, name in pairs]
-        return (*names, REST)
+    A mode has a damping ratio below 0.1.  Two whose frequencies differ by less than three times the sum of their
+    half-power half-widths (damping ratio times frequency) are one resonance.  Between two that overlap the limit is
+    where both are as many half-widths away.
+    """
+    size = np.abs(poles)
+    chosen = (poles.imag > 0.0) & np.isfinite(size) & (np.abs(poles.real) < _MOST_DAMPING * size)
+    frequency, width = size[chosen] / (2.0 * np.pi), np.abs(poles.real[chosen]) / (2.0 * np.pi)
+    groups: list[list[tuple[float, float]]] = []  # frequency and half-width of each mode, Hz
+    for mode in sorted(zip(frequency.tolist(), width.tolist(), strict=True)):
+        if mode[0] >= highest:
+            break
+        if groups and any(mode[0] - f < _APART * (mode[1] + w) for f, w in groups[-1]):
+            groups[-1].append(mode)
+        else:
+            groups.append([mode])
+    limits = [[min(f - _REACH * w for f, w in group), max(f + _REACH * w for f, w in group)] for group in groups]
+    for k in range(len(groups) - 1):
+        if limits[k][1] > limits[k + 1][0]:
+            (f, w), (g, v) = groups[k][-1], groups[k + 1][0]
+            limits[k][1] = limits[k + 1][0] = (f * v + g * w) / (v + w)
+    return tuple(
+        Resonance(tuple(f for f, _ in group), max(low, 0.0), min(high, highest))
+        for group, (low, high) in zip(groups, limits, strict=True)
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,37 +123,6 @@ class StateSpace:
             found[part] = read @ np.linalg.solve(point[part, None, None] * np.eye(len(A)) - A, drive)
         return np.asarray(found + self.direct, dtype=complex)
 
-    def modal_response(
-        self, frequency: ArrayLike, *, largest_damping: float = 0.5, apart: float = 1e-3
-    ) -> ModalResponse:
-        """The response by mode; arguments and errors as in :meth:`response`.
-
-        Parameters
-        ----------
-        largest_damping: damping ratio of modes; poles with more of it belong to the rest.
-        apart: poles nearer to each other than this share of their frequency are one mode: only together they mean
-            something.
-        """
-        from scipy.linalg import eig
-
-        whole, point = self.response(frequency), self._points(frequency)
-        values, left, right = eig(self.A, left=True, right=True)
-        s = self._to_continuous(values)
-        size = np.abs(s)
-        chosen = np.flatnonzero((s.imag > 0.0) & np.isfinite(size) & (-s.real < largest_damping * size))
-        groups = _group(s, chosen[np.argsort(size[chosen])], apart)
-        parts = np.empty((len(groups) + 1, *whole.shape), dtype=complex)
-        for part, group in zip(parts, groups, strict=False):
-            part[:] = 0.0
-            for k in group:
-                w, v, value = left[:, k].conj(), right[:, k], values[k]
-                residue = np.outer(self.C @ v, w @ self.B) / (w @ v)
-                part += residue / (point - value)[:, None, None]
-                part += residue.conj() / (point - value.conj())[:, None, None]
-        parts[-1] = whole - parts[:-1].sum(axis=0)
-        modes = [(float(size[g].mean()), float((-s[g].real / size[g]).mean())) for g in groups]
-        return ModalResponse(tuple(Mode(rate / (2.0 * np.pi), damping) for rate, damping in modes), parts)
-
     def _points(self, frequency: ArrayLike) -> Complex:
         """d at frequencies (n,), Hz."""
         f = np.asarray(frequency, dtype=float)
@@ -158,18 +139,3 @@ class StateSpace:
             found: Complex = np.asarray(np.log1p(self.step * values) / self.step, dtype=complex)
         found[np.isnan(found)] = -np.inf
         return found
-
-
-def _group(s: Complex, order: NDArray[np.intp], apart: float) -> list[list[int]]:
-    """Poles in the order of their size, in groups of neighbours that are near to each other."""
-    groups: list[list[int]] = []
-    for k in order:
-        if groups and np.abs(s[groups[-1]] - s[k]).min() < apart * abs(s[k]):
-            groups[-1].append(int(k))
-        else:
-            groups.append([int(k)])
-    return groups
-
-
-def _name(mode: Mode, digits: int) -> str:
-    return f"{mode.frequency:.{digits}g} Hz"

@@ -66,8 +66,9 @@ class Table:
         wide = len(self.header) > MOST_SIDE_BY_SIDE and any(wordy[1:])
         names = self.header if wide else None
         rows = "\n".join(f"<tr>{_join_cells('td', row, wordy, names)}</tr>" for row in self.rows)
+        caption = f"<caption>{escape(self.caption)}</caption>" if self.caption else ""
         return (
-            f'<div class="table{" wide" if wide else ""}"><table><caption>{escape(self.caption)}</caption>\n'
+            f'<div class="table{" wide" if wide else ""}"><table>{caption}\n'
             f"<thead><tr>{_join_cells('th', self.header, wordy)}</tr></thead>\n<tbody>\n{rows}\n</tbody></table></div>"
         )
 

@@ -6,8 +6,9 @@ amplitude a (3,), ``sqrt((|a|^2 + |a.a|) / 2)`` with the product a.a not conjuga
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -23,6 +24,9 @@ ROWS = 400  # of a spectrogram: as many as a picture shows
 PERIODS = 3.0  # of the lowest frequency in a window: from there on a line is told apart from its mirror image
 _PLACES = 16  # of a window while a line is tracked across a mode
 _GRID = 20_000  # times at which speeds are looked at for crossings
+_BESIDE, _REACH = 4.0, 8.0  # bins of a window: what is one with a line, and what a Hann window lets through
+_FAINT = 0.1  # of a harmonic: a line that does not change its amplitude by more than a tenth
+_NEAR, _PEAK_PLACES = 0.1, 161  # of the frequency of a mode: where its peak is looked for; how many places
 _TURN = 2.0 * np.pi
 
 Response = Callable[[Array], Complex]
@@ -125,6 +129,8 @@ class Crossing:
     wheel: Wheel
     order: float
     mode: NaturalMode
+    frequency: float
+    """Where the payload answers most to this harmonic near the mode, Hz; the mode's own where it has no peak there."""
     time: float
     """s."""
     speed: float
@@ -132,7 +138,7 @@ class Crossing:
     steady: float
     """Amplitude of the payload's rotation if the wheel stayed at this speed, in closed form, rad."""
     amplitude: float = float("nan")
-    """The same in the run, rad."""
+    """The same in the run, rad; NaN where a line of another wheel that changes its speed, too, is too near."""
 
     @property
     def entry(self) -> dict[str, object]:
@@ -141,17 +147,25 @@ class Crossing:
             "wheel": self.wheel.name,
             "harmonic": self.order,
             "speed_rpm": self.speed / RPM,
-            "frequency_hz": self.mode.frequency,
+            "frequency_hz": self.frequency,
             "mode": self.mode.name,
             "time_s": self.time,
-            "peak_amplitude_rad": self.amplitude,
+            "peak_amplitude_rad": None if np.isnan(self.amplitude) else self.amplitude,
             "constant_speed_amplitude_rad": self.steady,
         }
 
     @property
     def window(self) -> float:
         """Length of the window that the amplitude is taken with, s."""
-        return max(WINDOW_S, PERIODS / self.mode.frequency)
+        return max(WINDOW_S, PERIODS / self.frequency)
+
+    def is_near(self, line: Other) -> bool:
+        """Whether the windows that the amplitude is taken with let a line through."""
+        return abs(line.frequency - self.frequency) < _REACH / self.window
+
+    def makes_most(self, lines: Iterable[Other]) -> bool:
+        """Whether no other harmonic of the wheel makes more at that time, but for the rounding of the time."""
+        return all(line.steady < 1.01 * self.steady for line in lines if line.wheel is self.wheel)
 
     @property
     def is_slow(self) -> bool:
@@ -160,12 +174,26 @@ class Crossing:
         return bool(np.ptp(ends) < 0.5 * abs(self.speed))
 
     def is_beside(self, other: Crossing) -> bool:
-        """Whether the run cannot tell the two apart: the other harmonic stays within four bins of this mode."""
-        bin_width = 1.0 / self.window
+        """Whether the run cannot tell the two apart: the other harmonic stays within four bins of this crossing."""
         times = np.linspace(self.time, other.time, 33)
         line = other.order * np.abs(other.wheel.profile.speed(times)) / _TURN
-        near = abs(self.mode.frequency - other.mode.frequency) < 2.0 * bin_width
-        return near and bool(np.abs(line - self.mode.frequency).max() < 4.0 * bin_width)
+        near = abs(self.frequency - other.frequency) < 2.0 / self.window
+        return near and bool(np.abs(line - self.frequency).max() < _BESIDE / self.window)
+
+
+@dataclass(frozen=True, eq=False)
+class Other:
+    """Another line at the time of a crossing."""
+
+    wheel: Wheel
+    order: float
+    speed: float  # rad/s
+    steady: float  # amplitude of the payload's rotation at this speed, in closed form, rad
+
+    @property
+    def frequency(self) -> float:
+        """Hz."""
+        return self.order * abs(self.speed) / _TURN
 
 
 def find_crossings(
@@ -176,35 +204,114 @@ def find_crossings(
     A wheel at constant speed crosses nothing, one that stands on a mode's frequency included.
     """
     time = np.linspace(0.0, duration_s, _GRID + 1)
-    matrices = response(np.array([mode.frequency for mode in modes])) if modes else np.zeros((0, 3, 6))
+    around = _place_around(modes)
+    answers = np.split(response(np.concatenate(around)), len(modes)) if modes else []
     found = []
     for wheel in wheels:
         speed = wheel.profile.speed(time)
-        for mode, matrix in zip(modes, matrices, strict=True):
-            for order in wheel.orders:
-                away = order * np.abs(speed) / _TURN - mode.frequency
-                for k in np.flatnonzero((away[1:] > 0.0) != (away[:-1] > 0.0)):
-                    at = time[k] + (time[k + 1] - time[k]) * away[k] / (away[k] - away[k + 1])
-                    there = float(np.copysign(_TURN * mode.frequency / order, speed[k] + speed[k + 1]))
-                    steady = float(measure_ellipse(matrix @ wheel.amplitude(float(order), there)))
-                    found.append(Crossing(wheel, float(order), mode, float(at), there, steady))
+        for sense in (1.0, -1.0):
+            for order in wheel.orders if (sense * speed > 0.0).any() else ():
+                unit = wheel.amplitude(float(order), sense)
+                for mode, at, answer in zip(modes, around, answers, strict=True):
+                    peak = _find_peak(at, at**2 * measure_ellipse(answer @ unit), mode.frequency)
+                    away = order * sense * speed / _TURN - peak
+                    for k in np.flatnonzero((away[1:] > 0.0) != (away[:-1] > 0.0)):
+                        when = float(time[k] + (time[k + 1] - time[k]) * away[k] / (away[k] - away[k + 1]))
+                        there = sense * _TURN * peak / float(order)
+                        found.append(Crossing(wheel, float(order), mode, peak, when, there, float("nan")))
+    steady = _find_steady([(each.wheel, each.order, each.speed) for each in found], response)
+    found = [replace(each, steady=float(size)) for each, size in zip(found, steady, strict=True)]
     return sorted(found, key=lambda crossing: -crossing.steady)
 
 
-def measure_crossings(crossings: Sequence[Crossing], signals: Array, step_s: float) -> list[Crossing]:
-    """The crossings that the payload's rotation (3, n), rad, shows, with their amplitudes, the worst first.
+def _place_around(modes: Sequence[NaturalMode]) -> list[Array]:
+    """Frequencies (n,), Hz, around each mode, dense at it: up to half way to the next, and within a tenth of it."""
+    middle = [0.5 * (one.frequency + other.frequency) for one, other in pairwise(modes)]
+    found = []
+    for mode, low, high in zip(modes, [0.0, *middle], [*middle, np.inf], strict=True):
+        damping = max(mode.damping_ratio, 1e-4)
+        reach = np.arcsinh(_NEAR / damping)
+        at = mode.frequency * (1.0 + damping * np.sinh(np.linspace(-reach, reach, _PEAK_PLACES)))
+        found.append(np.clip(at, low, high))
+    return found
 
-    Of those that it cannot tell apart, the one that is the largest at constant speed stands for all.
+
+def _find_peak(frequency: Array, amplitude: Array, otherwise: float) -> float:
+    """Where the amplitude (n,) has its largest value, Hz, by the parabola that 1/amplitude^2 is at a resonance."""
+    k = int(amplitude.argmax())
+    if not (0 < k < len(frequency) - 1 and amplitude[k] > max(amplitude[k - 1], amplitude[k + 1])):
+        return otherwise
+    at = slice(k - 1, k + 2)
+    curve = np.polyfit(frequency[at] - frequency[k], (amplitude[k] / amplitude[at]) ** 2, 2)
+    return float(frequency[k] - 0.5 * curve[1] / curve[0])
+
+
+def _find_steady(lines: Sequence[tuple[Wheel, float, float]], response: Response) -> Array:
+    """Amplitudes (n,), rad, that harmonics of wheels make at constant speeds, rad/s; not 0."""
+    if not lines:
+        return np.zeros(0)
+    matrices = response(np.array([order * abs(speed) / _TURN for _, order, speed in lines]))
+    wrench = np.array([wheel.amplitude(order, speed) for wheel, order, speed in lines])
+    return measure_ellipse(np.einsum("nij,nj->ni", matrices, wrench))
+
+
+def measure_crossings(
+    crossings: Sequence[Crossing], wheels: Sequence[Wheel], signals: Array, step_s: float, response: Response
+) -> list[Crossing]:
+    """The crossings that matter in the payload's rotation (3, n), rad, with their amplitudes, the worst first.
+
+    Of those that a run cannot tell apart, the one that is the largest at constant speed stands for all.  Those are left
+    out at which another harmonic of the wheel makes more at constant speed.  The lines of other wheels that keep their
+    speed are taken away before a harmonic is measured.
     """
     kept: list[Crossing] = []
     for crossing in sorted(filter(lambda each: each.is_slow, crossings), key=lambda each: -each.steady):
         if not any(crossing.is_beside(other) for other in kept):
             kept.append(crossing)
+    others = [_list_others(crossing, wheels) for crossing in kept]
+    sizes = iter(_find_steady([line for lines in others for line in lines], response).tolist())
+    beside = {k: [Other(*line, next(sizes)) for line in lines] for k, lines in enumerate(others)}
+    chosen = [k for k, each in enumerate(kept) if each.makes_most(beside[k])]
     time = np.arange(signals.shape[1], dtype=np.float64) * step_s
-    angles = {each.wheel.name: each.wheel.profile.angle(time) for each in kept}
+    constant = [wheel for wheel in wheels if np.ptp(wheel.profile.speed(time)) == 0.0]
+    near = {k: [line for line in beside[k] if kept[k].is_near(line)] for k in chosen}
+    signals = remove_lines(
+        signals, step_s, sorted({line.frequency for k in chosen for line in near[k] if line.wheel in constant})
+    )
     measured = []
-    for crossing in kept:
-        angle = crossing.order * angles[crossing.wheel.name]
-        found = track_line(signals, step_s, angle, crossing.time, crossing.mode.frequency)
-        measured.append(replace(crossing, amplitude=found))
-    return sorted(measured, key=lambda crossing: -crossing.amplitude)
+    for k in chosen:
+        crossing = kept[k]
+        moving = [line for line in near[k] if line.wheel not in (crossing.wheel, *constant)]
+        if all(line.steady < _FAINT * crossing.steady for line in moving):
+            angle = crossing.order * crossing.wheel.profile.angle(time)
+            found = track_line(signals, step_s, angle, crossing.time, crossing.frequency)
+            crossing = replace(crossing, amplitude=found)
+        measured.append(crossing)
+    return sorted(measured, key=lambda crossing: -np.nan_to_num(crossing.amplitude))
+
+
+def _list_others(crossing: Crossing, wheels: Sequence[Wheel]) -> list[tuple[Wheel, float, float]]:
+    """Wheel, order and speed, rad/s, of all lines at the time of a crossing, but for those that are one with it."""
+    found = []
+    for wheel in wheels:
+        speed = float(wheel.profile.speed(np.array([crossing.time]))[0])
+        for order in wheel.orders.tolist() if speed else []:
+            away = abs(order * abs(speed) / _TURN - crossing.frequency)
+            if wheel is not crossing.wheel or away > _BESIDE / crossing.window:
+                found.append((wheel, order, speed))
+    return found
+
+
+def remove_lines(signals: Array, step_s: float, frequencies: Iterable[float]) -> Array:
+    """A vector signal (3, n) without what it has of lines of constant frequency and amplitude, Hz.
+
+    Of each the part that turns with it, averaged over all of the signal with a Hann window, one after the other.
+    """
+    window = _hann(signals.shape[1])
+    window *= 2.0 / window.sum()
+    time = np.arange(signals.shape[1]) * step_s
+    for frequency in frequencies:
+        turn = np.exp(1j * _TURN * frequency * time)
+        found = (signals * turn.conj()) @ window
+        signals = signals - (found[:, None] * turn).real
+    return signals

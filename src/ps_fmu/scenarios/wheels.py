@@ -18,7 +18,7 @@ from ..interface.start_values import build_plant_and_isolator
 from ..mechanism.parameters import load
 from ..mechanism.quantities import Array, Complex, ParameterError, list_entries, take_values
 from ..results.style import engineering
-from ..results.tables import Table, format_tables
+from ..results.tables import Table, format_number, format_tables
 from ..results.waterfall import CasePanel, Harmonic, ModeLine, Place, Waterfall
 from ..runs.options import OptionError, RunOptions
 from ..runs.publish import Findings
@@ -61,10 +61,12 @@ CROSSINGS_HEADER = (
 )  # fmt: skip
 
 ABOUT = (
-    "Each harmonic of a wheel shakes the bus with an amplitude that grows with the square of the speed. Where its "
-    "frequency crosses a natural mode, the payload answers most. The peak amplitude of a crossing is that of the one "
-    "harmonic in the run; beside it stands what a wheel that stayed at this speed would make, in closed form for plant "
-    "and isolator. A fast run-up ends below it, because a resonance takes time to build up."
+    "Each harmonic of a wheel shakes the bus with an amplitude that grows with the square of the speed. A crossing is "
+    "where its frequency meets a peak of the payload's answer near a natural mode, and where no other harmonic of the "
+    "wheel makes more. The peak amplitude of a crossing is that of the one harmonic in the run; beside it stands what "
+    "a wheel that stayed at this speed would make, in closed form for plant and isolator. A fast run-up ends below it, "
+    "because a resonance takes time to build up. The largest rotation is that of all lines together, with what rings "
+    "on after the crossings."
 )
 
 
@@ -88,7 +90,7 @@ def find(run: Run) -> Findings:
     cases, waterfall = analyse(system, options, found, wheels)
     jitter = Table("Jitter of the payload: rotation by vibration, axes of P", HEADER, make_rows(found))
     crossings = tabulate_crossings(cases)
-    worst = [describe_worst(name, case.crossings) for name, case in cases.items()]
+    worst = [describe_worst(name, case, wheels) for name, case in cases.items()]
     refused = [] if found.reachable else [explain_refusal(found.target_deg)]
     return Findings(
         title=f"Reaction wheels: {', '.join(describe_speed(wheel, options.duration_s) for wheel in wheels)}",
@@ -101,7 +103,7 @@ def find(run: Run) -> Findings:
         rms_passive_rad=found.rms_passive.tolist(),
         rms_active_rad=found.rms_active.tolist(),
         rejection_percent=found.rejection.tolist(),
-        more={**found.entry, "worst_crossing": list_worst(cases)},
+        more={**found.entry, "worst_crossing": list_worst(cases), "largest_rotation": list_largest(cases)},
         explore=lambda path: replace(explore_comparisons({"": found}, system, path), waterfalls=[waterfall]),
         refused="".join(refused),
     )
@@ -126,11 +128,14 @@ def analyse(
     highest = BEYOND * max((mode.frequency for mode in modes), default=lines)
     cases = {}
     for name, record in zip(CASES, (found.passive, found.active), strict=True):
-        crossings = find_crossings(
-            wheels, modes, options.duration_s, make_response(loop, step, active=name == "active")
+        response, size = make_response(loop, step, active=name == "active"), np.linalg.norm(record.rotation, axis=0)
+        crossings = find_crossings(wheels, modes, options.duration_s, response)
+        cases[name] = CaseLines(
+            make_spectrogram(record.rotation, step, highest),
+            measure_crossings(crossings, wheels, record.rotation, step, response),
+            largest=float(size.max()),
+            time=float(size.argmax()) * step,
         )
-        spectrogram = make_spectrogram(record.rotation, step, highest)
-        cases[name] = CaseLines(spectrogram, measure_crossings(crossings, record.rotation, step))
     return cases, make_waterfall(cases, wheels, modes, "Waterfall: rotation of the payload")
 
 
@@ -199,17 +204,29 @@ class CaseLines:
 
     spectrogram: Spectrogram
     crossings: Sequence[Crossing]
+    largest: float
+    """Largest magnitude of the payload's rotation, rad, whatever makes it."""
+    time: float
+    """When that is, s."""
 
 
-def describe_worst(case: str, crossings: Sequence[Crossing]) -> str:
-    """A sentence on the worst crossing of a case."""
-    if not crossings:
-        return f"Worst crossing, {case}: none; no harmonic crosses a mode slowly enough to be seen."
-    worst = crossings[0]
+def describe_worst(case: str, found: CaseLines, wheels: Sequence[Wheel]) -> str:
+    """What the worst crossing of a case is, and the largest rotation beside it."""
+    speeds = ", ".join(
+        f"{wheel.name} at {wheel.profile.speed(np.array([found.time]))[0] / RPM:.0f} rpm" for wheel in wheels
+    )
+    whole = f"Largest rotation of the run, all together: {_in_words(found.largest)} at {found.time:.4g} s ({speeds})."
+    if not found.crossings:
+        return (
+            f"Worst crossing, {case}: none; no harmonic that makes most at its speed crosses a mode slowly enough to "
+            f"be seen. {whole}"
+        )
+    worst = found.crossings[0]
+    seen = "not to be told from lines of other wheels" if np.isnan(worst.amplitude) else _in_words(worst.amplitude)
     return (
         f"Worst crossing, {case}: {worst.wheel.name}, harmonic {worst.order:g} at {worst.speed / RPM:.0f} rpm crosses "
-        f"{worst.mode.name} ({worst.mode.frequency:.4g} Hz): {_in_words(worst.amplitude)} of payload rotation, "
-        f"{_in_words(worst.steady)} at constant speed."
+        f"{worst.mode.name} ({worst.frequency:.4g} Hz). Amplitude of this harmonic in the payload's rotation: {seen} "
+        f"in the run, {_in_words(worst.steady)} at constant speed. {whole}"
     )
 
 
@@ -228,17 +245,22 @@ def list_worst(cases: Mapping[str, CaseLines]) -> dict[str, object]:
     return {case: found.crossings[0].entry if found.crossings else None for case, found in cases.items()}
 
 
+def list_largest(cases: Mapping[str, CaseLines]) -> dict[str, object]:
+    """The largest rotation of each case for summary.json."""
+    return {case: {"rotation_rad": found.largest, "time_s": found.time} for case, found in cases.items()}
+
+
 def tabulate_crossings(cases: Mapping[str, CaseLines]) -> Table:
     """The worst crossings of each case."""
     rows = [
         (
             case if not place else "", each.wheel.name, f"{each.order:g}", f"{each.speed / RPM:.1f}",
-            f"{each.mode.frequency:.4g}", each.mode.name, f"{each.amplitude:.3e}", f"{each.steady:.3e}",
+            f"{each.frequency:.4g}", each.mode.name, format_number(each.amplitude, ".3e"), f"{each.steady:.3e}",
         )
         for case, found in cases.items()
         for place, each in enumerate(found.crossings[:LISTED])
     ]  # fmt: skip
-    return Table("Worst crossings of harmonics and modes: rotation of the payload", CROSSINGS_HEADER, rows)
+    return Table("Worst crossings: amplitude of the one harmonic in the payload's rotation", CROSSINGS_HEADER, rows)
 
 
 def make_waterfall(
@@ -288,7 +310,7 @@ def _mark(crossings: Sequence[Crossing], along: Array, ordinate: Array) -> Place
     worst = crossings[0]
     order = np.argsort(along)
     at = float(np.interp(worst.time, along[order], ordinate[order]))
-    return Place(worst.mode.frequency, at, f"{worst.order:g} x {worst.wheel.name}, {worst.mode.name}")
+    return Place(worst.frequency, at, f"{worst.order:g} x {worst.wheel.name}, {worst.mode.name}")
 
 
 def _ascending(speed: Array, time: Array) -> tuple[Array, Array]:

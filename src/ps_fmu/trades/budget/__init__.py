@@ -1,1 +1,1 @@
-"""Who eats the pointing error: each source's, band's and mode's share of the indices that requirements ask for."""
+"""Who eats the pointing error: each source's, band's and resonance's share of the indices that requirements ask for."""

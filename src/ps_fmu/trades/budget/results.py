@@ -17,10 +17,12 @@ from ...cosim import System, UsageError, read_parameters
 from ...cosim.description import read_descriptions
 from ...cosim.rows import make_layout
 from ...cosim.structure import Parameter
+from ...disturbance import multisine_lines, psd_at_origin
 from ...disturbance.noise import NoiseSettings
-from ...disturbance.spectrum import to_origin
+from ...disturbance.recording import Recording
+from ...disturbance.spectrum import edge_frequencies, gaussian_density, to_origin
 from ...disturbance.tones import ToneSettings
-from ...disturbance.wheels import FORCE, TORQUE, WheelSettings, wheel_plane
+from ...disturbance.wheels import FORCE, WheelSettings, WheelSource
 from ...interface.linear_system import (
     COILS,
     OUTPUT_NAMES,
@@ -30,11 +32,12 @@ from ...interface.linear_system import (
     TRACKER,
     Circuit,
     SystemModel,
-    limit_response,
     read_model,
 )
 from ...mechanism.quantities import Array, Complex
 from ...pointing.budget import Budget, Source, UncertaintyFactors, make_budget
+from ...pointing.modal import Resonance, find_resonances
+from ...pointing.spectra import gather_lines
 from ...requirements.requirement import PEAK, RMS, Requirement, Target, find_targets, read_requirements
 from ...runs.setup import RunSystem
 from ...theory.transfer_matrices import place_frequencies
@@ -44,6 +47,8 @@ BANDS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 10
 _FINE, _LOWEST_DRAWN = 300, 1e-3  # bands of a cumulative curve, and where they begin, Hz
 LOWEST = 1e-5  # Hz: below, responses and densities stay as they are there
 POINTS, PER_POLE = 1000, 40  # of the frequencies of a density
+_SAME = 1e-9  # of a frequency: lines that differ by less have the same
+_FEWEST = 100  # steps of a recording
 AXES = ("force x", "force y", "force z", "torque x", "torque y", "torque z")
 
 
@@ -105,6 +110,11 @@ class SignalBudget:
         return self.budget.rms * self.wanted.scale
 
     @property
+    def worst_rms(self) -> float:
+        """With the worst phases of the wheels' lines, in the unit of the limit."""
+        return self.budget.worst_rms * self.wanted.scale
+
+    @property
     def expected(self) -> float | None:
         """What is compared with the limit if the error is Gaussian, in its unit; None: see :class:`Wanted`."""
         factor = self.wanted.gaussian_factor
@@ -118,8 +128,7 @@ class SignalBudget:
         if not self.budget.variance:
             return f"{text}, nothing acts on it"
         channel, low, high, share = self.budget.dominant()
-        text += f", {100.0 * share:.0f} % from {channel} {describe_band(low, high)}"
-        return f"{text}, of which others take away" if share > 1.0 else text
+        return f"{text}, {100.0 * share:.0f} % from {channel} {describe_band(low, high)}"
 
     @cached_property
     def cumulative(self) -> tuple[Array, Array]:
@@ -129,7 +138,7 @@ class SignalBudget:
         densities = [
             replace(
                 source, channels=(source.name,), response=np.ones((len(source.frequency), 1, 1), dtype=complex),
-                spectrum=source.density()[:, None, None],
+                spectrum=source.density()[:, None, None], phases=None,
             )
             for source in self.sources
         ]  # fmt: skip
@@ -184,12 +193,12 @@ def compute_budgets(
     signals = tuple(dict.fromkeys(name for each in wanted for name in each.signals))
     edges = find_edges(0.5 / model.step)
     for case, active in CASES.items():
-        modes, sources = list_sources(Circuit(model, active), signals, points)
+        resonances, sources = list_sources(Circuit(model, active), signals, points)
         for each in wanted:
             rows = [signals.index(name) for name in each.signals]
             own = tuple(select_signals(source, rows) for source in sources)
             index = each.requirement.index
-            budget = make_budget(index, own, edges, step=model.step, modes=modes, factors=factors)
+            budget = make_budget(index, own, edges, step=model.step, resonances=resonances, factors=factors)
             yield SignalBudget(model, case, each, budget, own)
 
 
@@ -227,17 +236,16 @@ def _set_values(system: System, given: Mapping[str, Parameter]) -> System:
 
 def list_sources(
     circuit: Circuit, signals: Sequence[str], points: int = POINTS
-) -> tuple[tuple[str, ...], list[Source]]:
-    """Names of the modes, and all sources of a circuit with their responses to outputs of the plant.
+) -> tuple[tuple[Resonance, ...], list[Source]]:
+    """The resonances of a circuit, and all its sources with their responses to outputs of the plant.
 
     ``points``: frequencies of a density besides those around the poles.  Raises :class:`BudgetError` for a disturbance
     that is not stationary, and for one above half the rate of the steps.
     """
     highest = 0.5 / circuit.model.step
-    grid = np.concatenate([[0.0], _place(circuit, LOWEST, highest, points)])
-    sources = [*_list_disturbances(circuit, signals, highest, points), *_list_inner(circuit, signals, grid)]
-    modes = circuit.respond(np.array([1.0]), signals[:1], [SOURCE]).names
-    return modes, sources
+    grid = _place(circuit, LOWEST, highest, points)
+    sources = [*_list_disturbances(circuit, signals, grid, points), *_list_inner(circuit, signals, grid)]
+    return find_resonances(circuit.poles, highest), sources
 
 
 def select_signals(source: Source, rows: Sequence[int]) -> Source:
@@ -251,83 +259,120 @@ class Line(NamedTuple):
     name: str
     frequency: float  # Hz
     wrench_B: Complex  # complex amplitude (6,), N, N.m, at the origin of B
+    phase: str  # lines of equal ones have phases that are known relative to each other
 
 
-def _list_disturbances(circuit: Circuit, signals: Sequence[str], highest: float, points: int) -> Iterator[Source]:
-    """Noise by axis, wheels by harmonic, sines."""
+def _list_disturbances(circuit: Circuit, signals: Sequence[str], grid: Array, points: int) -> Iterator[Source]:
+    """Noise by axis, recording by axis, wheels by harmonic, sines."""
     lines: list[Line] = []
     for name, number, kind in circuit.model.disturbance.list_disturbances():
         where = f"{circuit.model.component(SOURCE)}.{name}"
         if isinstance(kind, NoiseSettings):
             if kind.enabled:
-                _check_rate(f"{where}.band.max", float(kind.band[1]), highest)
-                yield _make_noise(circuit, kind, signals, points)
+                _check_rate(f"{where}.band.max", float(kind.band[1]), grid[-1])
+                yield _make_noise(circuit, kind, signals, grid[-1], points)
         elif isinstance(kind, WheelSettings):
             if kind.enabled:
-                lines += _list_harmonics(kind, number, where)
+                lines += _list_harmonics(circuit, kind, number, where)
         elif isinstance(kind, ToneSettings):
-            wrench = np.concatenate([kind.force_B, kind.torque_B])
-            lines.append(Line(f"sine {number}", kind.frequency, wrench.astype(complex)))
-        elif kind.make_source(circuit.model.disturbance, number) is not None:
-            raise BudgetError(f"{where}: it is not stationary, and has no budget; switch it off")
-    yield from _make_lines(circuit, [line for line in lines if line.wrench_B.any()], signals, highest)
+            wrench = np.concatenate([kind.force_B, kind.torque_B]) * np.exp(1j * kind.phase)
+            lines.append(Line(f"sine {number}", kind.frequency, wrench, "sines"))
+        elif (source := kind.make_source(circuit.model.disturbance, number)) is not None:
+            if not isinstance(source, Recording):
+                raise BudgetError(f"{where}: it is not stationary, and has no budget; switch it off")
+            yield _make_recording(circuit, source, signals, grid, where)
+    yield from _make_lines(circuit, [line for line in lines if line.wrench_B.any()], signals, grid[-1])
 
 
-def _make_noise(circuit: Circuit, noise: NoiseSettings, signals: Sequence[str], points: int) -> Source:
-    """Six axes at the centre of mass of the bus, correlated as the spectrum says."""
-    low, high = map(float, noise.band)
-    frequency = _place(circuit, low, high, points)
-    parts = circuit.respond(frequency, signals, [SOURCE]).parts @ to_origin(circuit.model.disturbance.bus.com_B)
-    spectrum = noise.scale**2 * noise.wrench_psd_B
-    return Source("noise", tuple(f"noise {axis}" for axis in AXES), frequency, parts, spectrum)
+def _make_noise(
+    circuit: Circuit, noise: NoiseSettings, signals: Sequence[str], highest: float, points: int
+) -> Source:
+    """Six axes at the centre of mass of the bus: with the density of Gaussian noise, or the lines of a multisine."""
+    shared, names = circuit.model.disturbance, tuple(f"noise {axis}" for axis in AXES)
+    move, psd_B = to_origin(shared.bus.com_B), noise.scale**2 * noise.wrench_psd_B
+    if noise.multisine:
+        at_origin = psd_at_origin(psd_B, shared.bus.com_B)
+        frequency, wrench = multisine_lines(at_origin, noise.band, shared.seed, noise.period)
+        at_centre = np.asarray(np.linalg.solve(move, wrench.T).T, dtype=complex)
+        spectrum: Complex = np.asarray(0.5 * at_centre[:, :, None] * at_centre[:, None, :].conj())
+    else:
+        edge = edge_frequencies(noise.band, noise.period)
+        between = _place(circuit, max(edge[0], LOWEST), min(edge[-1], highest), points)
+        frequency = np.unique(np.concatenate([between, edge[edge < between[-1]]]))
+        density = gaussian_density(noise.band, noise.period, frequency)
+        spectrum = np.asarray(density[:, None, None] * psd_B, dtype=complex)
+    response = circuit.respond(frequency, signals, [SOURCE]) @ move
+    return Source("noise", names, frequency, response, spectrum, lines=noise.multisine)
 
 
-def _list_harmonics(wheel: WheelSettings, number: int, where: str) -> Iterator[Line]:
-    """The harmonics of a wheel at its speed: each a vector C W^2 that turns in the plane of the wheel."""
+def _make_recording(
+    circuit: Circuit, recording: Recording, signals: Sequence[str], grid: Array, where: str
+) -> Source:
+    """The lines of a recording, as the steps sample it: six axes at the origin of B."""
+    first, last = recording.span
+    edges = np.concatenate([[0.0], np.sqrt(grid[1:] * grid[:-1]), [grid[-1]]])
+    step, count = circuit.model.step, round((last - first) / circuit.model.step)
+    if count < _FEWEST:
+        raise BudgetError(f"{where}: it lasts {last - first:g} s; a budget needs {_FEWEST} steps of {step:g} s")
+    frequency, spectrum = gather_lines(
+        lambda rows: recording(np.asarray(first + step * rows)), count, step, edges, repeats=recording.repeats
+    )
+    response = circuit.respond(frequency, signals, [SOURCE])
+    return Source("recording", tuple(f"recording {axis}" for axis in AXES), frequency, response, spectrum, lines=True)
+
+
+def _list_harmonics(circuit: Circuit, wheel: WheelSettings, number: int, where: str) -> Iterator[Line]:
+    """The harmonics of a wheel at its speed."""
     if wheel.speed_profile:
         text = f"its speed comes from {wheel.speed_profile}; a budget needs a constant one: leave speed_profile empty"
         raise BudgetError(f"{where}: {text}")
     if wheel.initial_speed != wheel.final_speed:
         speeds = f"{wheel.initial_speed:g} to {wheel.final_speed:g} rad/s"
         raise BudgetError(f"{where}: its speed goes from {speeds}; a budget needs a constant one: set both alike")
-    speed = abs(wheel.initial_speed)
-    one_B, other_B = wheel_plane(wheel.spin_axis_B)
-    # The real part of turning exp(i speed t) turns; the other way round for a negative speed.
-    turning = one_B - 1j * np.copysign(1.0, wheel.initial_speed) * other_B
-    at_origin = to_origin(wheel.position_B)
-    for place, kind, harmonics in ((0, "force", FORCE), (3, "torque", TORQUE)):
-        for order, coefficient in zip(harmonics.orders, harmonics.coefficients, strict=True):
-            wrench = np.zeros(6, dtype=complex)
-            wrench[place : place + 3] = wheel.scale * coefficient * speed**2 * turning
-            frequency = order * speed / (2.0 * np.pi)
-            yield Line(f"wheel {number} {kind} {order:g}", frequency, np.asarray(at_origin @ wrench))
+    source = wheel.make_source(circuit.model.disturbance, number)
+    assert isinstance(source, WheelSource)
+    amplitudes = source.amplitudes(wheel.initial_speed)
+    for k, order in enumerate(source.orders.tolist()):
+        name = f"wheel {number} {'force' if k < len(FORCE.orders) else 'torque'} {order:g}"
+        # The real part of the amplitude times exp(i speed t) turns; the other way round for a negative speed.
+        wrench = amplitudes[k] if wheel.initial_speed > 0.0 else amplitudes[k].conj()
+        yield Line(name, order * abs(wheel.initial_speed) / (2.0 * np.pi), wrench, name)
 
 
 def _make_lines(
     circuit: Circuit, lines: Sequence[Line], signals: Sequence[str], highest: float
 ) -> Iterator[Source]:
-    """Lines as if their phases were independent: the mean over all phases where frequencies are equal."""
+    """A source for the lines of each frequency: the sines as they are, wheels on average over their initial phases."""
     for line in lines:
         _check_rate(line.name, line.frequency, highest)
-    if lines:
-        frequency = np.array([line.frequency for line in lines])
-        parts = circuit.respond(frequency, signals, [SOURCE]).parts
-        for k, line in enumerate(lines):
-            own = parts[:, k : k + 1] @ line.wrench_B[:, None]
-            yield Source(line.name, (line.name,), frequency[k : k + 1], own, np.array([[0.5]]), lines=True)
+    groups: list[list[Line]] = []
+    for line in sorted(lines, key=lambda line: line.frequency):
+        if groups and line.frequency - groups[-1][0].frequency <= _SAME * line.frequency:
+            groups[-1].append(line)
+        else:
+            groups.append([line])
+    if not groups:
+        return
+    frequency = np.array([group[0].frequency for group in groups])
+    for k, (group, response) in enumerate(zip(groups, circuit.respond(frequency, signals, [SOURCE]), strict=True)):
+        phases = [line.phase for line in group]
+        coherent = 0.5 * np.array([[one == other for other in phases] for one in phases])
+        own = response[None] @ np.stack([line.wrench_B for line in group], axis=1)
+        names = tuple(line.name for line in group)
+        yield Source(names[0], names, frequency[k : k + 1], own, coherent, lines=True, phases=tuple(phases))
 
 
 def _list_inner(circuit: Circuit, signals: Sequence[str], grid: Array) -> Iterator[Source]:
-    """Sensors, coils and tracker: each channel independent of all others; grid (n,), Hz, begins with 0."""
+    """Sensors, coils and tracker: each channel independent of all others; below the grid (n,), Hz, nothing changes."""
     m, h = circuit.model, circuit.model.step
     present = [fmu for fmu in (SENSORS, COILS, TRACKER) if fmu in circuit.channels]
     if not present:
         return
-    parts = limit_response(circuit.respond(grid[1:], signals, present))
-    first = 0
+    found, grid, first = circuit.respond(grid, signals, present), np.concatenate([[0.0], grid]), 0
+    found = np.concatenate([found[:1], found])
     for fmu in present:
         count = len(circuit.channels[fmu])
-        own = parts[..., first : first + count]
+        own = found[..., first : first + count]
         first += count
         if fmu == SENSORS:
             assert m.sensors is not None

@@ -17,7 +17,7 @@ import numpy as np
 
 from ...cosim import System, Value
 from ...disturbance import psd_at_origin
-from ...disturbance.spectrum import gaussian_density
+from ...disturbance.spectrum import edge_frequencies, gaussian_density
 from ...mechanism.parameters import Array, Parameters, load
 from ...mechanism.signals import output_slices
 from ...pointing import (
@@ -88,8 +88,8 @@ class ClosedForm:
         """(n,), Hz: dense around the resonances, and at the lower edge of the band, where the motion is."""
         low, high = self.parameters.noise.band
         grid = place_frequencies(self.loop.poles(), 0.5 * low, high * (1.0 - 1e-9), self.points, 40)
-        edge = low + np.arange(-40, 60) * 0.1 * 2.0 / PERIOD
-        return np.unique(np.concatenate([grid, edge[edge > 0.5 * low]]))
+        edge = edge_frequencies(self.parameters.noise.band, PERIOD)
+        return np.unique(np.concatenate([grid, edge[edge < high]]))
 
     @cached_property
     def density(self) -> Array:
