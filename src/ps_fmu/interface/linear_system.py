@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple, TypeVar
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -17,8 +17,6 @@ from ..actuators.voice_coil import Coils
 from ..control.isolator import Isolator
 from ..control.pointing import PointingLaw
 from ..cosim import System, Value
-from ..disturbance import default_settings
-from ..disturbance.total import DisturbanceSettings
 from ..mechanism.linear_model import Plant
 from ..mechanism.parameters import load
 from ..mechanism.quantities import Array, Complex, ParameterError, list_entries, take_values
@@ -42,6 +40,9 @@ from ..theory.sampled import (
 )
 from ..theory.stability import UnstableError, find_growing, find_unstable, refine_pole
 from ..theory.transfer_matrices import place_frequencies
+
+if TYPE_CHECKING:
+    from ..disturbance.total import DisturbanceSettings
 
 STEP = 1e-4  # s, where the description states none
 PLANT, ISOLATOR, SOURCE, COMMANDER = "ManipulatorPlant", "FeedforwardIsolator", "DisturbanceSource", "PointingCommander"
@@ -94,7 +95,6 @@ class SystemModel:
     components: Mapping[str, str]  # name in the system by the name of the FMU
     loop: Loop  # plant and isolator at the target of the commander, without delay
     isolator_delay: float  # of its forces, s
-    disturbance: DisturbanceSettings
     sensors: InertialSensors | None
     coils: Coils | None
     tracker: Tracker | None
@@ -106,6 +106,13 @@ class SystemModel:
     def name(self) -> str:
         """Of the file of its description."""
         return self.system.path.stem
+
+    @cached_property
+    def disturbance(self) -> DisturbanceSettings:
+        """What the source of disturbances makes.  Raises ``ParameterError`` for an impossible value."""
+        from ..disturbance import default_settings  # here: whether a loop is stable does not depend on it
+
+        return _take(self.system, self.components[SOURCE], default_settings(load()))
 
     @property
     def groups(self) -> list[list[str]]:
@@ -363,7 +370,6 @@ def read_model(system: System, step: float | None = None) -> SystemModel:
         components,
         loop_of(plant, controller, orientation, 0.0),
         float(isolator.get("delay", 0.0)),
-        _take(system, components[SOURCE], default_settings(p)),
         _take(system, components[SENSORS], default_sensors()) if SENSORS in components else None,
         _take(system, components[COILS], Coils.from_parameters(p)) if COILS in components else None,
         tracker,

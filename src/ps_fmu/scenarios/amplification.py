@@ -7,8 +7,6 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ..cosim import UsageError, Value
-from ..disturbance.noise import NoiseSettings
-from ..disturbance.spectrum import to_origin
 from ..interface.linear_system import ISOLATOR, SENSORS, SOURCE, Circuit, LinearModelError, SystemModel, read_model
 from ..mechanism.quantities import Array, ParameterError
 from ..runs.divergence import describe_loop
@@ -88,6 +86,9 @@ class _Jitter:
     @classmethod
     def find(cls, model: SystemModel, active: bool, axis: int) -> _Jitter | None:
         """None: the noise is off."""
+        from ..disturbance.noise import NoiseSettings  # here: hardly any run needs it
+        from ..disturbance.spectrum import to_origin
+
         noise = next(
             (kind for _, _, kind in model.disturbance.list_disturbances() if isinstance(kind, NoiseSettings)), None
         )

@@ -203,15 +203,18 @@ def _list_ports(blocks: Mapping[str, Block], kind: str) -> list[tuple[str, str]]
 
 def _join(blocks: Mapping[str, Block], part: str) -> Array:
     """One of the four parts of all maps: from states or inputs (second letter) to outputs or states (first)."""
-    from scipy.linalg import block_diag
-
     found = []
     for block in blocks.values():
         outputs, states = len(block.outputs), block.n_states
         rows = {"y": slice(0, outputs), "x": slice(outputs, None)}[part[0]]
         columns = {"x": slice(0, states), "u": slice(states, None)}[part[1]]
         found.append(block.map[rows, columns])
-    return np.asarray(block_diag(*found))
+    joined = np.zeros(np.sum([own.shape for own in found], axis=0, dtype=int))
+    row = column = 0
+    for own in found:  # as ``scipy.linalg.block_diag``, which takes longer to import than an FMU to load
+        joined[row : row + own.shape[0], column : column + own.shape[1]] = own
+        row, column = row + own.shape[0], column + own.shape[1]
+    return joined
 
 
 def _count(time: float, h: float, name: str) -> int:

@@ -16,7 +16,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..disturbance import psd_at_origin, to_origin
 from ..mechanism.parameters import Bus, Noise
 from ..mechanism.quantities import Array, Complex
 from .loop import Loop
@@ -103,6 +102,8 @@ def jitter_density(loop: Loop, bus: Bus, noise: Noise, *, active: bool) -> tuple
     S (6, 6) is that of the wrench, moved from the centre of mass of the bus to the origin of B.  The frequencies are
     dense around the modes of plant and loop.
     """
+    from ..disturbance import psd_at_origin  # here: a run that asks whether a loop is stable needs none of it
+
     frequency = _grid(loop, *noise.band)
     G = from_wrench(loop, 2j * np.pi * frequency, active=active)
     S = psd_at_origin(noise.wrench_psd_B, bus.com_B)
@@ -116,6 +117,8 @@ def variance_weights(loop: Loop, bus: Bus, band: Array, *, active: bool, points:
     (2,), Hz: what :func:`jitter` has on the diagonal, as a linear function of the density.  ``points``: frequencies
     of the integral besides those around the resonances; 600 leave an error of 0.3 %.
     """
+    from ..disturbance import to_origin
+
     frequency = _grid(loop, *band, points=points or _POINTS)
     G = from_wrench(loop, 2j * np.pi * frequency, active=active) @ to_origin(bus.com_B)
     products = (G[..., :, None] * G[..., None, :].conj()).real
