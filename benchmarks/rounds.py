@@ -8,12 +8,15 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
+import platform
 import subprocess
 import sys
 import tempfile
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 from statistics import median
 from time import perf_counter, process_time, thread_time
@@ -30,6 +33,8 @@ FMUS = ROOT / "build" / "fmus"
 SSD = ROOT / "system" / "SystemStructure.ssd"
 ALL_FMUS = ROOT / "system" / "LineOfSight.ssd"
 STEP = 1e-4  # s
+RECORD = HERE / "record.json"
+"""What ``make bench`` found last, by script: ../docs/speed.md is made of it."""
 CLOCKS = {"wall": perf_counter, "processor": process_time, "thread": thread_time}
 
 Figures = dict[str, Any]
@@ -95,6 +100,7 @@ def run_benchmark(
     p = argparse.ArgumentParser(description=about.splitlines()[0] if about else None)
     p.add_argument("--rounds", type=int, default=rounds, metavar="N", help="rounds, or repeats (%(default)s)")
     p.add_argument("--output", type=Path, metavar="FILE", help="write the figures as JSON")
+    p.add_argument("--record", action="store_true", help=f"keep them in {RECORD.name}, of which docs/speed.md is made")
     if steps is not None:
         p.add_argument("--steps", type=int, default=steps, metavar="N", help="steps of a round (%(default)s)")
     add(p)
@@ -107,9 +113,21 @@ def run_benchmark(
     print(report(found), flush=True)
     if options.output is not None:
         options.output.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+    if options.record:
+        kept = json.loads(RECORD.read_text(encoding="utf-8")) if RECORD.exists() else {}
+        kept[Path(sys.argv[0]).stem] = {"where": describe_machine(), "found": found}
+        RECORD.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
     texts = [text for limit in limits if (text := limit.find_missed(found)) is not None]
     print(*texts, sep="\n", end="\n" if texts else "", file=sys.stderr)
     return 1 if texts else 0
+
+
+def describe_machine() -> str:
+    """When and on what the figures were measured."""
+    lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    model = next((line.partition(": ")[2] for line in lines if line.startswith("model name")), platform.machine())
+    others = f"load {os.getloadavg()[1]:.1f} over the last five minutes"
+    return f"{datetime.now(UTC):%Y-%m-%d}, {os.cpu_count()} x {model}, Python {platform.python_version()}, {others}"
 
 
 def compile_c(source: Path, output: Path, *flags: str) -> Path:

@@ -1,6 +1,7 @@
 """What a start costs, and what starts leave behind: four FMUs cold, new Masters and resets in a process that has them.
 
-Costs are processor times up to and with the first step, medians of processes.  Then one process resets a Master with
+Commands are timed by the clock, the least of the rounds.  Costs of starts are processor times up to and with the first
+step, medians of processes.  Then one process resets a Master with
 other parameters again and again, and makes new Masters.  Each kind begins with a tenth of its starts, in which caches
 and pools of memory fill; memory, mappings, descriptors and temporary files, counted after each tenth of the others,
 have to be flat.  Exit code 1 if anything grows.
@@ -21,7 +22,7 @@ from pathlib import Path
 from time import process_time
 from typing import Any
 
-from rounds import FMUS, SSD, STEP, Figures, Limit, run_benchmark
+from rounds import FMUS, ROOT, SSD, STEP, Figures, Limit, run_benchmark, time
 
 from ps_fmu.cosim import Master, read_system
 
@@ -36,10 +37,21 @@ def _grown(what: str, name: str, found: Figures) -> float | None:
     return counts[name][-1] - counts[name][0] if counts else None
 
 
-LIMITS = tuple(
-    Limit(f"{what}: growth of {name}", partial(_grown, what, name), most)
-    for what in ("resets", "new Masters")
-    for name, most in MOST.items()
+def _find_time(name: str, found: Figures) -> float | None:
+    return dict(found["commands_s"]).get(name)
+
+
+COMMANDS = {
+    "isolation, 1 s, without figures": ("-m", "ps_fmu.cli", "run", "isolation", "--duration", "1", "--no-figures"),
+    "make run: isolation, 20 s": ("system/run.py",),
+}
+LIMITS = (
+    *(
+        Limit(f"{what}: growth of {name}", partial(_grown, what, name), most)
+        for what in ("resets", "new Masters")
+        for name, most in MOST.items()
+    ),
+    *(Limit(f"{name}, s", partial(_find_time, name), most) for name, most in zip(COMMANDS, (1.0, 2.5), strict=True)),
 )
 
 
@@ -113,16 +125,24 @@ def _in_a_process(folder: Path, *numbers: int) -> Any:
     return json.loads(run.stdout)
 
 
+def _time_command(name: str, folder: Path) -> float:
+    command = [sys.executable, *COMMANDS[name], "--output", str(folder / "out")]
+    return time("wall", lambda: subprocess.run(command, cwd=ROOT, capture_output=True, check=True))
+
+
 def measure(options: argparse.Namespace, folder: Path) -> Figures:
     """All figures."""
     rounds = [_in_a_process(folder) for _ in range(options.rounds)]
     starts = {name: statistics.median(found[name] for found in rounds) for name in rounds[0]}
-    return {"starts_s": starts, "growth": _in_a_process(folder, options.resets, options.masters)}
+    commands = {name: min(_time_command(name, folder) for _ in range(options.rounds)) for name in options.commands}
+    growth = _in_a_process(folder, options.resets, options.masters)
+    return {"commands_s": commands, "starts_s": starts, "growth": growth}
 
 
 def report(found: Figures) -> str:
     """The figures as text."""
-    lines = [f"{name:12}{1e3 * seconds:8.1f} ms" for name, seconds in found["starts_s"].items()]
+    lines = [f"{name:34}{seconds:7.2f} s" for name, seconds in found["commands_s"].items()]
+    lines += [f"{name:34}{1e3 * seconds:7.1f} ms" for name, seconds in found["starts_s"].items()]
     for what, kinds in found["growth"].items():
         lines += [what, *(f"  {name:12} {' '.join(map(str, counts))}" for name, counts in kinds.items())]
     return "\n".join(lines)
@@ -133,6 +153,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     def add(p: argparse.ArgumentParser) -> None:
         p.add_argument("--resets", type=int, default=1000, metavar="N", help="of one Master (%(default)s)")
+        p.add_argument("--commands", nargs="*", choices=COMMANDS, default=list(COMMANDS), metavar="NAME", help="timed")
         p.add_argument("--masters", type=int, default=200, metavar="N", help="new ones (%(default)s)")
 
     return run_benchmark(argv, __doc__, measure, report, LIMITS, rounds=5, add=add)

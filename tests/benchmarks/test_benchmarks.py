@@ -12,7 +12,9 @@ import pytest
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 SCRIPTS = {
     "step_cost": ("--steps 20", {"median_us", "ratios", "ours_to_c_fmus"}),
-    "start": ("--resets 40 --masters 15", {"starts_s", "growth"}),
+    "start": (
+        '--resets 40 --masters 15 --commands "isolation, 1 s, without figures"', {"commands_s", "starts_s", "growth"},
+    ),
     "scaling": ("--steps 20", {"fmus", "connections", "threads"}),
     "study": ('--cases 2 --duration 0.01 --settling 0.02 --studies "from a checkpoint"', {"from a checkpoint"}),
     "features": ("--steps 8", {"plain", "observers", "two C FMUs, isolated", "scheme: error estimate"}),
@@ -65,6 +67,20 @@ def test_a_limit_that_is_missed_is_named(monkeypatch):
     assert least.find_missed({"cost": 1.5}) == "MISSED: speed: 1.5; at least 2 wanted"
     assert Limit("none", lambda found: None, 1.0).find_missed({}) is None
     assert compare({"a": [2.0, 9.0, 6.0], "b": [1.0, 1.0, 2.0]}, "a", "b") == 3.0
+
+
+def test_the_page_has_what_was_measured(monkeypatch):
+    """docs/speed.md is what its command makes of the record: no figure in it is written by hand."""
+    monkeypatch.syspath_prepend(str(BENCHMARKS))
+    monkeypatch.syspath_prepend(str(BENCHMARKS.parent / "docs"))
+    from rounds import RECORD
+    from write_speed import PAGE, SECTIONS, make_page
+
+    record = json.loads(RECORD.read_text())
+    assert record.keys() == SECTIONS.keys() == SCRIPTS.keys()
+    assert make_page(record) == PAGE.read_text(), "make it again: .venv/bin/python docs/write_speed.py"
+    record["step_cost"]["found"]["ours_to_c_fmus"] = 1.25
+    assert "| step_cost | steps of our FMUs over C FMUs | 1.25 | at most 1 | missed |" in make_page(record)
 
 
 def test_impossible_number_of_rounds():

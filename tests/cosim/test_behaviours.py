@@ -8,6 +8,7 @@ import netCDF4
 import numpy as np
 import pytest
 from support import against_fmpy, archives, behaviours
+from support.claims import verify_claim
 from support.cosim import HEAD, Collect
 
 from ps_fmu.cli import main
@@ -31,7 +32,7 @@ def fmus(tmp_path_factory):
     return behaviours.build(tmp_path_factory.mktemp("behaviours"))
 
 
-ENDS = {"decay": 10.0, "drop": 3.0, "oscillator": 20.0, "resource": 1.0, "stair": 8.8, "through": 2.0}
+ENDS = {"decay": 10.0, "drop": 3.0, "oscillator": 20.0, "resource": 1.0, "stair": 9.0, "through": 2.0}
 
 
 @pytest.mark.parametrize("isolate", [False, True])
@@ -40,7 +41,15 @@ def test_all_rows_equal_those_of_fmpy(fmus, isolate):
     assert {one.name: one.end for one in found if "->" not in one.name} == ENDS
     wired = {f"{name} -> through": end for name, end in ENDS.items() if name != "through"}
     assert {one.name: one.end for one in found if "->" in one.name} == wired
-    assert [one for one in found if one.where] == []
+    verify_claim(
+        "master.rows_of_fmpy",
+        claim="Rows of any FMU, alone or behind another one, up to the step in which one ends the simulation",
+        where="`ps-fmu run SYSTEM` or `FMU`, with and without `--isolate`: results.nc",
+        reference="FMPy's simulate_fmu, six FMUs in C and all pairs of them, to the last bit",
+        error=len([one for one in found if one.where]),
+        bound=0,
+        unit="systems that differ",
+    )
 
 
 @pytest.mark.skipif(REFERENCE not in os.environ, reason=f"{REFERENCE} names no folder with the Reference FMUs")
@@ -94,18 +103,49 @@ def run(path, fmus, step, duration, isolation, scheme="jacobi"):
 ENDED = [
     *(Scheme(order) for order in ("jacobi", "gauss-seidel", "iterated")),
     *(Scheme(order, error_estimate=True) for order in ("jacobi", "gauss-seidel", "iterated")),
-    *(Scheme(order, rates={"stair": rate}) for order in ("jacobi", "iterated") for rate in (Rate(3), Rate(parts=4))),
+    *(
+        Scheme(order, rates={"stair": rate})
+        for order in ("jacobi", "gauss-seidel", "iterated")
+        for rate in (Rate(3), Rate(parts=4))
+    ),
 ]
 
 
 @pytest.mark.parametrize("isolation", [None, Isolation(), Isolation(frozenset({"stair"}))])
 @pytest.mark.parametrize("names", [("decay", "stair", "through"), ("through", "stair", "decay")])
 @pytest.mark.parametrize("scheme", ENDED, ids=str)
-def test_the_step_that_ends_a_simulation_has_no_row(fmus, tmp_path, isolation, scheme, names):
-    """The stair says that it has reached the end of the step, 9 s; others may not have made it."""
+def test_the_step_that_ends_a_simulation_is_stored(fmus, tmp_path, isolation, scheme, names):
+    """The stair says that it has reached the end of the step, 9 s: all others make that step, too."""
     time, rows, ended = run(write(tmp_path, names, STAIRS), fmus, 0.2, 12.0, isolation, scheme)
-    assert (ended.component, ended.time, len(time)) == ("stair", pytest.approx(8.8), 45)
-    assert rows["stair.counter"][-1] == 9
+    assert (ended.component, ended.time, len(time)) == ("stair", pytest.approx(9.0), 46)
+    assert rows["stair.counter"][-1] == 10
+    assert rows["through.whole_out"][-1] == (rows["stair.counter"][-2] if scheme.order == "jacobi" else 10)
+    np.testing.assert_allclose(rows["decay.x"], 0.9 ** np.round(time / 0.1), rtol=1e-12)
+    if scheme.error_estimate:  # Euler's step of 0.1 s is in both
+        assert rows["error_estimate.decay"][1:].tolist() == pytest.approx([0.0] * 45, abs=1e-12)
+
+
+def test_two_that_end_in_one_step(fmus, tmp_path):
+    shutil.copytree(fmus, tmp_path / "fmus")
+    shutil.copy(fmus / "stair.fmu", tmp_path / "fmus" / "again.fmu")
+    time, rows, ended = run(write(tmp_path, ("again", "stair", "decay")), tmp_path / "fmus", 0.2, 12.0, None)
+    assert (ended.component, len(time)) == ("again", 46)
+    assert rows["again.counter"][-1] == rows["stair.counter"][-1] == 10
+
+
+@pytest.mark.parametrize("order", ["jacobi", "gauss-seidel", "iterated"])
+@pytest.mark.parametrize(
+    ("rates", "step", "last"),
+    [
+        ({"through": Rate(7)}, 0.2, 9.0), ({"stair": Rate(parts=4)}, 0.7, 8.4), ({"stair": Rate(4)}, 0.2, 9.4),
+    ],
+    ids=str,
+)  # fmt: skip
+def test_an_end_with_rates(fmus, tmp_path, order, rates, step, last):
+    """The last row is that of a base step which all have made."""
+    path = write(tmp_path, ("decay", "stair", "through"), STAIRS)
+    time, rows, ended = run(path, fmus, step, 20 * step if step > 0.5 else 12.0, None, Scheme(order, rates=rates))
+    assert time[-1] == ended.time == pytest.approx(last)
     np.testing.assert_allclose(rows["decay.x"], 0.9 ** np.round(time / 0.1), rtol=1e-12)
 
 

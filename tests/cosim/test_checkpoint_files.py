@@ -12,6 +12,7 @@ import pytest
 from support.checkpoints import STEPS, H, Keep, check_same, run
 
 from ps_fmu.cosim import Master, UsageError
+from ps_fmu.cosim.checkpoint import files
 from ps_fmu.cosim.checkpoint.checkpoints import LOOK_S, Checkpoints, Pace
 from ps_fmu.cosim.checkpoint.files import CheckpointFolder, Journal, read_file, write_file
 from ps_fmu.cosim.checkpoint.state import CheckpointError
@@ -65,8 +66,8 @@ def test_a_pipe_is_not_read(tmp_path):
             read_file(path)
 
 
-def array(dtype="<f8", shape=(1,), columns=False, content=bytes(8), code=1):
-    return {"a": msgspec.msgpack.Ext(code, msgspec.msgpack.encode((dtype, shape, columns, content)))}
+def array(dtype="<f8", shape=(1,), columns=False, begin=0, code=1):
+    return {"a": msgspec.msgpack.Ext(code, msgspec.msgpack.encode((dtype, shape, columns, begin)))}
 
 
 @pytest.mark.parametrize(
@@ -74,15 +75,17 @@ def array(dtype="<f8", shape=(1,), columns=False, content=bytes(8), code=1):
     [
         b"", b"\xc1", b"\x93", b"\x91" * 100_000, b"\xdd\xff\xff\xff\xff", [], array("|O"), array(shape=(2,)),
         array(shape=(-1,)), array(shape=(2**47, 2**47)), array(shape=(2**62, 2**62)), array(shape="1"),
-        array(content=bytes(7)), array(code=5), {"a": msgspec.msgpack.Ext(1, b"text")},
+        array(begin=1), array(begin=-8), array(begin=2**62), array(code=5), {"a": msgspec.msgpack.Ext(1, b"text")},
     ],
 )  # fmt: skip
 def test_what_is_made_up_is_refused(tmp_path, content):
     raw = content if isinstance(content, bytes) else msgspec.msgpack.encode(content)
     path = tmp_path / "a.msgpack"
-    path.write_bytes(b"ps_fmu checkpoint 2 %08x\n" % zlib.crc32(raw) + raw)
-    with pytest.raises(CheckpointError, match=r"a\.msgpack: is no checkpoint, or a damaged one"):
-        read_file(path)
+    for size in (len(raw), 2**40, -1):
+        head = b"ps_fmu checkpoint 3 %d %08x\n" % (size, zlib.crc32(raw + bytes(8)))
+        path.write_bytes(head + raw + bytes(8))
+        with pytest.raises(CheckpointError, match=r"a\.msgpack: is no checkpoint, or a damaged one"):
+            read_file(path)
 
 
 def test_each_missing_and_each_wrong_byte_is_found(tmp_path):
@@ -141,8 +144,31 @@ def test_links_of_a_folder_from_elsewhere_are_not_followed(tmp_path):
     assert [path.name for path in kept.iterdir()] == ["row-000000000008.msgpack"]
 
 
+def read_journal(journal):
+    """All its rows, row by row."""
+    return np.concatenate(list(journal.read())).tobytes()
+
+
+@pytest.mark.parametrize("width", [1, 8, 9, 95])
+def test_rows_of_a_journal_keep_their_bits(tmp_path, width):
+    """Zeros of both signs, numbers that are none, and columns that change once, early, late or never."""
+    rows = np.zeros((files.PART_ROWS + 9, width))
+    rows[:, ::3] = RNG.normal(size=rows[:, ::3].shape)
+    for place, value in ((0, -0.0), (1, 5.0), (len(rows) // 3, math.nan), (len(rows) - 1, -0.0)):
+        rows[place, place % width] = value
+    journal = Journal(tmp_path / "rows.bin", width)
+    for begin, end in ((0, 1), (1, 3), (3, 3), (3, len(rows))):
+        journal.append(rows[begin:end])
+    kept = journal.sync()
+    journal.close()
+    again = Journal(tmp_path / "rows.bin", width, kept)
+    assert read_journal(again) == rows.tobytes()
+    again.close()
+
+
 def test_a_journal_is_cut_where_the_checkpoint_is(tmp_path):
     path, rows = tmp_path / "rows.bin", RNG.normal(size=(50, 3))
+    rows[:, 1], rows[25, 2] = -0.0, math.nan
     journal = Journal(path, 3)
     journal.append(rows[:20])
     journal.append(rows[20:20])
@@ -152,18 +178,19 @@ def test_a_journal_is_cut_where_the_checkpoint_is(tmp_path):
     journal.close()
     journal.append(rows)  # after the run: in no checkpoint
     again = Journal(path, 3, kept)
-    np.testing.assert_array_equal(np.concatenate(list(again.read())), rows[:30])
+    assert read_journal(again) == rows[:30].tobytes()
     again.append(rows[30:])
-    np.testing.assert_array_equal(np.concatenate(list(again.read())), rows)
-    assert again.sync()["rows"] == 50
+    assert read_journal(again) == rows.tobytes()
+    size = again.sync()["bytes"]
+    assert size < rows.nbytes  # a column that does not change is one number
     again.close()
     for changed, words in (
-        ({"rows": 51}, "ends before the 51 rows"),
+        ({"bytes": size + 8}, f"ends within the {size + 8} bytes"),
         ({"sum": 5}, "is damaged"),
-        ({"rows": 29}, "is damaged"),
+        ({"bytes": kept["bytes"] - 8}, "is damaged"),
         ({"width": 4}, "expected rows of 3 numbers"),
-        ({"rows": -1}, "expected rows"),
-        ({"rows": "all"}, "expected rows"),
+        ({"bytes": -1}, "expected rows"),
+        ({"bytes": "all"}, "expected rows"),
     ):
         with pytest.raises(CheckpointError, match=words):
             Journal(path, 3, kept | changed)
@@ -175,14 +202,19 @@ def test_a_journal_is_cut_where_the_checkpoint_is(tmp_path):
 def test_what_a_kill_has_torn_or_a_disk_has_changed_is_refused(tmp_path):
     path = tmp_path / "rows.bin"
     journal = Journal(path, 3)
-    journal.append(np.ones((50, 3)))
+    rows = np.column_stack([np.arange(50.0), np.ones(50), np.arange(50.0)])
+    journal.append(rows)
     kept = journal.sync()
     journal.close()
     good = path.read_bytes()
-    assert len(good) == 8 * 150
-    for length in (0, 7, 1199):
+    assert len(good) == 8 * (2 + 50 + 1 + 50)  # rows and columns that differ, then these
+    for length in (0, 7, 15, 16, len(good) - 1):
         path.write_bytes(good[:length])
-        with pytest.raises(CheckpointError, match="ends before the 50 rows"):
+        with pytest.raises(CheckpointError, match=f"ends within the {len(good)} bytes"):
+            Journal(path, 3, kept)
+    for number in (0, 51, 2**63):
+        path.write_bytes(number.to_bytes(8, "little") + good[8:])
+        with pytest.raises(CheckpointError, match=f"ends within the {len(good)} bytes"):
             Journal(path, 3, kept)
     path.write_bytes(good[:-1] + b"\x41")
     with pytest.raises(CheckpointError, match=r"is damaged: the checksum .*: the run cannot go on, begin it anew"):
@@ -208,8 +240,7 @@ def test_a_write_that_takes_a_part_goes_on_with_the_rest(tmp_path):
     journal.append(np.asfortranarray(rows))
     kept = journal.sync()
     journal.close()
-    found = np.concatenate(list(Journal(tmp_path / "rows.bin", 60, kept).read()))
-    assert found.tobytes() == rows.tobytes()
+    assert read_journal(Journal(tmp_path / "rows.bin", 60, kept)) == rows.tobytes()
 
 
 class Clock:

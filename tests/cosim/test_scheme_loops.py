@@ -105,7 +105,7 @@ def test_components_outside_of_a_loop_may_have_rates(tmp_path):
 
 @pytest.mark.parametrize("estimate", [False, True], ids=["", "estimate"])
 @pytest.mark.parametrize("member", ["load", "body"])
-def test_a_loop_that_ends_the_simulation_has_the_rows_before(build, tmp_path, member, estimate):
+def test_a_loop_that_ends_the_simulation_makes_the_step(build, tmp_path, member, estimate):
     scheme = Scheme("iterated", "linear", error_estimate=estimate)
     plain = run(build(make_heavy), scheme, end=0.4)
     system = make_heavy().build(tmp_path, {member: {"ends": 0.3}})
@@ -114,10 +114,10 @@ def test_a_loop_that_ends_the_simulation_has_the_rows_before(build, tmp_path, me
             rows = Keep([column.name for column in master.columns])
             master.initialise()
             master.run(0.4, [rows])
-            assert (master.ended.component, master.ended.time) == (member, pytest.approx(0.29))
-        assert len(rows.time) == 30
+            assert (master.ended.component, master.ended.time) == (member, pytest.approx(0.3))
+        assert len(rows.time) == 31
         for name in rows.names:
-            assert rows[name].tobytes() == plain[name][:30].tobytes(), name
+            assert rows[name].tobytes() == plain[name][:31].tobytes(), name
 
 
 # ---- estimates ---------------------------------------------------------------------------------------------------

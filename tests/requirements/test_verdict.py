@@ -4,7 +4,6 @@ import json
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
 from scipy.stats import norm
 from support.required import COLUMNS
 
@@ -41,14 +40,13 @@ def decide(*records):
 
 
 def test_met_with_its_margin(record):
-    """The largest of 59 independent values is the bound at 95/95."""
-    values = np.linspace(0.01, 0.40, 59) * 1e-6
-    values = np.random.default_rng(1).permutation(values)
+    """The largest of 59 independent values is the bound at 95/95; 200 are worth no fewer."""
+    values = np.random.default_rng(1).permutation(np.linspace(0.002, 0.40, 200) * 1e-6)
     verdict = decide(record(values, **APE, confidence=0.95))
-    assert verdict.statement.independent == 59
+    assert 100 < verdict.statement.independent <= 200
     assert verdict.answer is Answer.MET and verdict.met
-    assert verdict.statement.bound == pytest.approx(0.40e-6)
-    assert verdict.margin_percent == pytest.approx(20.0)
+    assert 0.38e-6 < verdict.statement.bound <= 0.40e-6
+    assert verdict.margin_percent == pytest.approx(100.0 * (1.0 - verdict.statement.bound / 0.5e-6))
 
 
 @pytest.mark.parametrize(("level", "answer"), [(1.0, Answer.NOT_MET), (0.2, Answer.MET)])
@@ -67,33 +65,31 @@ def test_a_bound_at_the_limit_is_met_and_above_it_is_not(record):
     assert decide(record(alternating * (1.0 + 1e-9), **APE)).answer is Answer.NOT_MET
 
 
-def test_the_bound_holds_as_often_as_it_says(record, white):
-    """Correlated samples, 100 records: at 90 % confidence some 90 bounds lie above the true quantile."""
-    a, held = 0.95, 0
-    for seed in range(100):
-        noise = lfilter([np.sqrt(1.0 - a * a)], [1.0, -a], white(5000, seed)[:, 0])[1000:] * 1e-7
-        held += decide(record(noise, **APE)).statement.bound >= norm.ppf(0.975) * 1e-7
-    assert 82 <= held <= 98  # 2.7 standard deviations
-
-
 def test_too_few_independent_samples_say_how_long_to_run(record, white):
-    """10 windows of MPE; 45 are needed for 95 % at 90 % confidence."""
+    """10 windows of MPE; 45 are needed for 95 % at 90 % confidence.  The advice comes true."""
     needed = confidence.samples_needed(0.95, 0.9)
-    verdict = decide(record(1e-7 * white(1001)[:, 0], index="MPE", at=None, settling="0.5 s"))
-    assert verdict.answer is Answer.OPEN and not verdict.met
-    assert verdict.margin_percent is None
+    verdict = decide(record(1e-6 * white(1001)[:, 0], index="MPE", at=None, settling="0.5 s"))
+    assert verdict.answer is Answer.NOT_SHOWN and not verdict.met
     assert f"independent samples in 9.5 s; {needed} are needed: run about" in verdict.remark
     length = float(verdict.remark.split("run about ")[1].split()[0])
-    assert length >= 0.5 + 9.5 * needed / verdict.statement.independent
-    enough = decide(record(1e-7 * white(round(4 * length / STEP) + 1)[:, 0], index="MPE", at=None, settling="0.5 s"))
-    assert enough.answer is Answer.MET
+    enough = decide(record(1e-6 * white(round(length / STEP) + 1)[:, 0], index="MPE", at=None, settling="0.5 s"))
+    assert enough.answer is Answer.MET and enough.statement.method == "order statistics over time"
+
+
+def test_a_large_margin_is_a_verdict(record, white):
+    """2.8 RMS bound the 95 % quantile; the RMS of ten windows is known to a factor."""
+    verdict = decide(record(1e-8 * white(1001)[:, 0], index="MPE", at=None))
+    assert verdict.answer is Answer.MET and verdict.statement.method == "Markov's inequality"
+    assert verdict.remark.startswith("the bound is wide, by Markov's inequality; ")
+    drifting = 1e-9 * np.linspace(1.0, 2.0, 1001)  # one independent sample, 250 times the margin
+    assert decide(record(drifting, **APE)).answer is Answer.MET
 
 
 @pytest.mark.parametrize("value", [0.0, 1e-7])
 def test_what_does_not_vary_is_not_asked_to_run_longer(record, value):
     """No time makes samples of a constant independent; its peak can be judged."""
     verdict = decide(record(np.full(1001, value), **APE))
-    assert verdict.answer is Answer.OPEN
+    assert verdict.answer is Answer.OPEN and verdict.margin_percent is None
     assert verdict.remark == "the value is the same at all times, and no run is long enough for its quantile: " + (
         "require its peak"
     )
@@ -101,19 +97,11 @@ def test_what_does_not_vary_is_not_asked_to_run_longer(record, value):
     assert decide(record(np.full(1001, value), **APE, **peak)).answer is Answer.MET
 
 
-@pytest.mark.parametrize(("interpretation", "said"), [("ensemble", "runs with different seeds"), ("mixed", "5 runs")])
-def test_what_does_not_vary_within_a_run_may_need_more_runs(record, interpretation, said):
+@pytest.mark.parametrize("interpretation", ["ensemble", "mixed"])
+def test_what_does_not_vary_within_a_run_may_need_more_runs(record, interpretation):
     verdict = decide(record(np.full(1001, 1e-7), **APE, interpretation=interpretation))
     assert verdict.answer is Answer.OPEN
-    assert said in verdict.remark
-
-
-@pytest.mark.parametrize(("count", "said"), [(151, True), (2001, False)])
-def test_a_bound_that_rests_on_few_samples_is_named(record, white, count, said):
-    """Half of the white samples count as such: pairs of equal ones."""
-    verdict = decide(record(np.repeat(1e-7 * white(count)[:, 0], 2), **APE))
-    assert verdict.answer is Answer.MET
-    assert ("the bound rests on" in verdict.remark) is said is (verdict.statement.independent < 100)
+    assert "45 runs with different seeds are needed" in verdict.remark
 
 
 def test_the_bound_of_an_rms(record, white):
@@ -122,7 +110,7 @@ def test_the_bound_of_an_rms(record, white):
     assert verdict.answer is Answer.MET
     assert verdict.statement.value == pytest.approx(0.2e-6, rel=0.02)
     expected = confidence.gaussian_rms(verdict.statement.value, verdict.statement.independent, 0.9)
-    assert verdict.statement.bound == expected.bound
+    assert verdict.statement.bound == pytest.approx(expected.bound, rel=2e-3)
     assert 1.003 < verdict.statement.bound / verdict.statement.value < 1.02
 
 
@@ -140,15 +128,16 @@ def test_the_peak_of_a_run(record):
 def test_few_samples_are_enough_to_see_that_a_limit_is_far_exceeded(record, white):
     """All but a few of 20 windows are above the limit: the quantile of 95 % is, too."""
     verdict = decide(record(1e-4 * white(2001)[:, 0], index="MPE", at=None))
-    assert verdict.statement.bound == np.inf and verdict.statement.lower > 0.5e-6
-    assert (verdict.answer, verdict.margin_percent) == (Answer.NOT_MET, None)
-    assert verdict.remark == "the limit lies below all of the value's interval"
+    assert verdict.statement.lower > 0.5e-6
+    assert (verdict.answer, verdict.remark) == (Answer.NOT_MET, "")
 
 
-def test_a_value_below_and_a_bound_above_the_limit(record, white):
-    verdict = decide(record(0.25e-6 * white(301)[:, 0], **APE))
-    assert verdict.statement.value <= 0.5e-6 < verdict.statement.bound
-    assert verdict.answer is Answer.NOT_MET and "a longer run narrows it" in verdict.remark
+@pytest.mark.parametrize(("level", "side"), [(0.25e-6, "below"), (0.27e-6, "above")])
+def test_a_limit_within_the_interval_is_not_shown(record, white, level, side):
+    verdict = decide(record(level * white(301)[:, 0], **APE))
+    assert verdict.statement.lower <= 0.5e-6 < verdict.statement.bound
+    assert verdict.answer is Answer.NOT_SHOWN and not verdict.met
+    assert verdict.remark == f"the value is {side} the limit, which its interval holds; a longer run narrows it"
 
 
 def test_a_run_that_ends_before_a_window_is_full(record, white):
@@ -175,15 +164,22 @@ def test_several_runs_as_the_library_states_them(record, white, interpretation):
     ("interpretation", "runs", "problem"),
     [
         ("ensemble", 1, "45 runs with different seeds are needed, there is one"),
-        ("ensemble", 44, "45 runs with different seeds are needed, there are 44"),
-        ("mixed", 1, "a bootstrap needs 5 runs with different seeds, there is one"),
-        ("mixed", 4, "a bootstrap needs 5 runs with different seeds, there are 4"),
+        ("ensemble", 4, "45 runs with different seeds are needed, there are 4"),
+        ("mixed", 1, "45 runs with different seeds are needed, there is one"),
+        ("mixed", 4, "45 runs with different seeds are needed, there are 4"),
     ],
 )
 def test_too_few_runs(record, white, interpretation, runs, problem):
     values = (1e-7 * white(21, seed)[:, 0] for seed in range(runs))
     verdict = decide(*(record(value, **APE, interpretation=interpretation) for value in values))
-    assert (verdict.answer, verdict.remark) == (Answer.OPEN, problem)
+    assert (verdict.answer, verdict.remark) == (Answer.OPEN, f"there is no bound; {problem}")
+
+
+def test_five_runs_bound_by_their_mean_square(record, white):
+    runs = [record(1e-8 * white(21, seed)[:, 0], **APE, interpretation="ensemble") for seed in range(5)]
+    verdict = decide(*runs)
+    assert (verdict.answer, verdict.statement.method) == (Answer.MET, "Markov's inequality")
+    assert verdict.remark.endswith("45 runs with different seeds are needed, there are 5")
 
 
 def test_all_runs_together_need_more_of_each(record, white):
@@ -211,7 +207,7 @@ def test_what_is_written(record, white):
 
 
 def test_an_open_verdict_has_no_numbers_that_json_lacks(record, white):
-    entry = decide(record(1e-7 * white(301)[:, 0], index="MPE", at=None)).as_dict()
+    entry = decide(record(1e-7 * white(301)[:, 0], **APE, interpretation="mixed")).as_dict()
     assert entry["margin"] is None and entry["met"] is False and entry["verdict"] == "cannot be said"
     assert json.loads(json.dumps(plain(entry, "verdict"), allow_nan=False))["bound"] is None
 

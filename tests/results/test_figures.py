@@ -1,5 +1,6 @@
 """Figures as PNG files: what is painted of charts and clouds, units, colours, and the same bytes each time."""
 
+import signal
 import struct
 import subprocess
 import sys
@@ -12,8 +13,9 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
 from ps_fmu.results import figures
+from ps_fmu.results.figures import Painter
 from ps_fmu.results.page.content import Axis, Chart, ChartGroup, Cloud, CloudGroup, Curve, Exploration, Spans, Still
-from ps_fmu.results.style import COLOURS, DOTS_PER_INCH, STYLE, draw, engineering, largest, pretty
+from ps_fmu.results.style import COLOURS, DOTS_PER_INCH, STYLE, draw, engineering, largest, pretty, write_powers_plainly
 
 
 def png_size(path):
@@ -175,7 +177,7 @@ def test_table(tmp_path):
         ("rad", 1e-30, (1e12, "prad")),
         ("rad", 0.0, (1.0, "rad")),
         ("rad", float("nan"), (1.0, "rad")),
-        ("kg.m2", 1e-5, (1.0, "kg m$^2$")),
+        ("kg.m2", 1e-5, (1.0, "kg m²")),
         ("1", 1e-5, (1.0, "")),
     ],
 )
@@ -186,9 +188,72 @@ def test_engineering_units(unit, magnitude, expected):
 
 
 def test_helpers():
-    assert pretty("m/s2") == "m/s$^2$"
+    assert pretty("m/s2") == "m/s²"
     assert largest([np.array([1.0, -3.0]), np.array([np.nan])]) == 3.0
     assert largest([]) == 0.0
+
+
+@pytest.mark.parametrize(("first", "last"), [(1e-12, 1e3), (2.0, 9.0), (0.5, 20.0)])
+def test_powers_are_written_as_formulas_are(first, last):
+    """What matplotlib writes as a formula, in plain text."""
+    axes = Figure().subplots()
+    axes.set_xscale("log")
+    axes.set_xlim(first, last)
+    ruler = axes.xaxis
+    formulas = [*ruler.get_majorticklabels(), *ruler.get_minorticklabels()]
+    expected = [label.get_text() for label in formulas]
+    write_powers_plainly(ruler)
+    found = [label.get_text() for label in (*ruler.get_majorticklabels(), *ruler.get_minorticklabels())]
+    raised = dict(zip("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹", strict=True))
+    for text, formula in zip(found, expected, strict=True):
+        inner = formula.removeprefix(r"$\mathdefault{").removesuffix("}$").replace(r"\times", "\N{MULTIPLICATION SIGN}")
+        base, _, power = inner.partition("^{")
+        assert text == base + "".join(raised[letter] for letter in power.removesuffix("}"))
+    assert any("10" in text for text in found)
+
+
+def make_exploration():
+    charts = [make_group(stills=[Still("a.png"), Still("b.png", curves=["active"])])]
+    points = np.random.default_rng(2).normal(size=(50, 2))
+    clouds = [CloudGroup("Image", "", "rad", [Cloud("passive", "passive", points, points[:3])], "c.png")]
+    return Exploration(charts=charts, clouds=clouds)
+
+
+def test_a_process_of_its_own_draws_the_same(tmp_path):
+    own, other = tmp_path / "own", tmp_path / "other"
+    for folder in (own, other):
+        folder.mkdir()
+    expected = figures.draw_exploration(make_exploration(), own)
+    with Painter() as painter:
+        found = painter.begin(make_exploration(), other)()
+    assert [(one.path.name, one.caption) for one in found] == [(one.path.name, one.caption) for one in expected]
+    for name in ("a.png", "b.png", "c.png"):
+        assert (other / name).read_bytes() == (own / name).read_bytes()
+
+
+def test_figures_that_cannot_be_drawn_say_why(tmp_path):
+    with Painter() as painter:
+        wait = painter.begin(make_exploration(), tmp_path / "nowhere")
+        with pytest.raises(OSError, match=r"No such file.*nowhere"):
+            wait()
+    with Painter() as painter:  # one that nobody asks
+        process = painter._process
+    assert process.returncode == -signal.SIGKILL
+
+
+def test_figures_of_a_process_that_is_killed_are_drawn_here(tmp_path):
+    with Painter() as painter:
+        wait = painter.begin(make_exploration(), tmp_path)
+        painter._process.kill()
+        assert [one.path.name for one in wait()] == ["a.png", "b.png", "c.png"]
+    assert all((tmp_path / name).is_file() for name in ("a.png", "b.png", "c.png"))
+
+
+def test_without_another_process_figures_are_drawn_here(tmp_path, monkeypatch):
+    monkeypatch.setattr(sys, "executable", str(tmp_path / "no python"))
+    with Painter() as painter:
+        assert [one.path.name for one in painter.begin(make_exploration(), tmp_path)()] == ["a.png", "b.png", "c.png"]
+    assert (tmp_path / "c.png").is_file()
 
 
 def test_threads_draw_what_one_draws(tmp_path):

@@ -189,12 +189,22 @@ def rows(tmp_path):
     """A file with noise, a constant and a slow column; what is in it."""
     columns = [Column(f"a.{name}", "m", "Real", "") for name in ("noise", "constant")]
     columns.append(Column("a.on", "1", "Boolean", ""))
-    values = np.random.default_rng(1).normal(size=(20_000, 3))
-    values[:, 1], values[:, 2] = 0.1, np.arange(20_000) // 5000 % 2
+    values = np.random.default_rng(1).normal(size=(200_000, 3))
+    values[:, 1], values[:, 2] = 0.1, np.arange(200_000) // 5000 % 2
     path = tmp_path / "results.nc"
     with Recorder(path, "run", columns=columns, step=1e-3) as recorder:
-        recorder.block(0, np.arange(20_000) * 1e-3, values)
+        recorder.block(0, np.arange(200_000) * 1e-3, values)
     return path, values
+
+
+def test_a_small_file_stays_as_it_is(tmp_path):
+    path = tmp_path / "results.nc"
+    columns = [Column("a.constant", "m", "Real", "")]
+    with Recorder(path, "run", columns=columns, step=1.0, rows=1000) as recorder:
+        recorder.block(0, np.arange(1000.0), np.ones((1000, 1)))
+    before = path.read_bytes()
+    finish_file(path)
+    assert path.read_bytes() == before
 
 
 def test_what_shrinks_is_compressed_and_nothing_changes(rows):
@@ -214,7 +224,7 @@ def test_what_shrinks_is_compressed_and_nothing_changes(rows):
     assert [one.name for one in path.parent.iterdir()] == ["results.nc"]
 
 
-@pytest.mark.parametrize(("count", "expected", "chunk"), [(50_001, 50_001, 16_667), (2500, 25_001, 2500)])
+@pytest.mark.parametrize(("count", "expected", "chunk"), [(300_001, 300_001, 20_001), (2500, 25_001, 2500)])
 def test_chunks_stay_as_the_recorder_made_them(tmp_path, count, expected, chunk):
     """But no longer than the column of a run that was interrupted."""
     path = tmp_path / "results.nc"

@@ -152,7 +152,7 @@ def test_table2(make_options, ssv, monkeypatch):
     """Lead-in, groups and entries; the values need a whole period, and the window says so."""
     # The pictures of an orientation are those of the scenario isolation; here they are most of the time.
     drawn = []
-    monkeypatch.setattr("ps_fmu.runs.publish.draw_exploration", lambda explored, _: drawn.append(explored) or [])
+    monkeypatch.setattr("ps_fmu.runs.publish.Painter.begin", lambda _, explored, folder: drawn.append(explored) or list)
     monkeypatch.setattr(table2_runs, "SETTLING_S", 0.0)
     quick = ssv({"disturbance.rise_time": 0.1, "commander.target.yaw": 0.1})
     options = make_options("table2", 0.2, step_s=1e-3, parameters=(quick,), figures=True)

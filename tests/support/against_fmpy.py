@@ -188,13 +188,11 @@ def _compare(name: str, ours: dict[str, Any], theirs: dict[str, Any]) -> Compare
     time = ours["time"]
     worst, where = 0.0, ""
     for component, their in theirs.items():
-        # FMPy has a row for the step in which an FMU ends the simulation.
-        rows = their[:-1] if len(their) == len(time) + 1 else their
-        if len(rows) != len(time) or not np.allclose(rows["time"], time, rtol=1e-12, atol=1e-12):
-            return Compared(name, len(time), float(time[-1]), np.inf, f"{len(rows)} rows to {rows['time'][-1]:g} s")
-        for column in rows.dtype.names[1:]:
+        if len(their) != len(time) or not np.allclose(their["time"], time, rtol=1e-12, atol=1e-12):
+            return Compared(name, len(time), float(time[-1]), np.inf, f"{len(their)} rows to {their['time'][-1]:g} s")
+        for column in their.dtype.names[1:]:
             found = np.asarray(ours[f"{component}.{column}"], dtype=float)
-            expected = np.asarray(rows[column], dtype=float)
+            expected = np.asarray(their[column], dtype=float)
             if not np.array_equal(found, expected):
                 difference = float(np.abs(found - expected).max() / (np.abs(expected).max() or 1.0))
                 if difference > worst or not where:

@@ -9,7 +9,7 @@ from time import perf_counter
 
 import numpy as np
 
-from .errors import UsageError
+from .errors import SlaveEnded, UsageError
 from .rows import Array
 from .structure import PortName, System
 from .values import Value
@@ -25,6 +25,11 @@ def count_steps(duration: float, step: float) -> int | None:
     ratio = duration / step
     count = round(ratio) if math.isfinite(ratio) else 0
     return count if count >= 1 and abs(ratio - count) <= ON_GRID * max(1.0, count * 1e-6) else None
+
+
+def ends_at(ended: SlaveEnded, time: float, step: float) -> bool:
+    """Whether an FMU has ended the simulation at a time [s], and not within the ``step`` [s] before."""
+    return ended.reached is not None and abs(ended.reached - time) <= ON_GRID * step
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .checkpoint.state import Stateful
+from .clock import ends_at
+from .errors import SlaveEnded
 from .faults.effects import EffectGroup
 from .guard import NamedCall, NamedSteps, load_library
 from .plan import Call, Change, Feed, Gather, Move, Operation, Plan
@@ -83,7 +85,8 @@ class StepLoop(Protocol):
     def advance(self, times: Array, interrupted: c_int) -> None:
         """Run one step from each of the ``times`` [s]; ends early, between two steps, once ``interrupted`` is not zero.
 
-        It may end before that, too.  ``rows.filled`` counts the complete rows also when a :class:`SlaveError` ends it.
+        It may end before that, too.  ``rows.filled`` counts the complete rows also when a :class:`SlaveError` ends it:
+        with the step at whose end an FMU has ended the simulation.
         """
 
     def count_rows(self) -> int:
@@ -135,7 +138,10 @@ class CompiledLoop:
             self._rows.filled = first + done
 
     def run_range(self, number: int, time: float) -> None:
-        """The operations of one range, in a step from ``time`` [s] on.  Raises :class:`SlaveError`."""
+        """The operations of one range, in a step from ``time`` [s] on.  Raises :class:`SlaveError`.
+
+        All are carried out where an FMU has ended the simulation at the end of the step.
+        """
         self._begin(number)
         self._time[0] = time
         self._run(self._rows.latest, self._time, self._never)
@@ -153,13 +159,24 @@ class CompiledLoop:
         loop, step = self._loop, self._plan.step
         goal = rows.ctypes.data, times.ctypes.data, len(times)
         named = self._names.at(times.ctypes.data)
+        ended: SlaveEnded | None = None
         while status := self._run_named(named, goal, interrupted):
             part, time = self._parts[loop.next_operation - 1], float(times[loop.rows_done])
             if isinstance(part, Move):
                 part.carry(time)
                 continue
             assert isinstance(part, Call)
-            part.check(status, time, step)
+            try:
+                part.check(status, time, step)
+            except SlaveEnded as error:
+                ended = ended or error
+                if not ends_at(error, time + step, step):
+                    break
+                # It has made this step, which is the last one: so do the others.
+                goal = *goal[:2], loop.rows_done + 1
+                loop.next_operation -= part.later  # an FMU in a process of its own has not carried it out
+        if ended is not None:
+            raise ended
 
     def _run_named(self, named: NamedCall, goal: tuple[int, int, int], interrupted: c_int) -> int:
         with named:

@@ -106,7 +106,8 @@ class RepeatingLoop:
         try:
             self.loop.advance(times, interrupted)
         except SlaveEnded as ended:
-            ended.time = float(times[rows.filled - first])
+            done = rows.filled - first
+            ended.time = float(times[done]) if done < len(times) else float(times[-1]) + self._step
             raise
         except DiscardedStep as error:
             if self._obstacle is not None:
@@ -167,8 +168,9 @@ class RepeatingLoop:
             try:
                 loop.advance(np.array([now]), interrupted)
             except SlaveEnded as ended:
-                rows.filled = filled
-                ended.time = time
+                if not last:
+                    rows.filled = filled
+                ended.time = end if rows.filled > filled else time
                 raise
             except DiscardedStep as again:
                 rows.filled = filled

@@ -5,12 +5,11 @@ Needs no other room of the package: it can be used without FMUs.
 
 from .confidence import (
     Statement,
-    bootstrap,
     effective_samples,
     gaussian_rms,
-    least_samples,
     quantile,
     samples_needed,
+    weigh_record,
     windows_rms,
 )
 from .index import Estimate, PointingIndex
@@ -39,12 +38,11 @@ __all__ = [
     "ResidualJitter",
     "Smear",
     "Statement",
-    "bootstrap",
     "effective_samples",
     "gaussian_rms",
-    "least_samples",
     "quantile",
     "quantile_of_runs",
     "samples_needed",
+    "weigh_record",
     "windows_rms",
 ]

@@ -10,25 +10,32 @@ with the probability P can mean:
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
+from dataclasses import replace
 from enum import StrEnum
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .confidence import (
+    LEAST_RUNS,
+    SEEN_AT,
     Statement,
-    bootstrap_counts,
-    effective_share,
+    find_kurtosis,
     find_rank,
     quantile,
     share_out,
+    state_by_moments,
     state_quantile,
+    state_rms,
+    state_rms_of_runs,
     state_worst,
+    weigh_runs,
+    weigh_share,
 )
 
 Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 
 class Interpretation(StrEnum):
@@ -40,87 +47,74 @@ class Interpretation(StrEnum):
 
 
 def quantile_of_runs(
-    values: ArrayLike, probability: float, confidence: float, interpretation: Interpretation | str, *, seed: int = 0
+    values: ArrayLike, probability: float, confidence: float, interpretation: Interpretation | str
 ) -> Statement:
     """Quantile of the magnitude of an index over runs and times, with its confidence.
 
     Parameters
     ----------
     values: (runs, times), the index with or without sign; the runs are independent members of the ensemble.
-    seed: of the bootstrap (mixed).
 
     ``ensemble``: the quantile over the runs of the largest value of each; order statistics of the runs.  ``temporal``:
-    the largest of the runs' quantiles over time; bounds from order statistics with the effective number of samples of
-    each run, at a level that makes all of them hold together; how much of the ensemble the runs stand for is in
-    ``ensemble_share``, (1 - confidence)^(1 / runs).  ``mixed``: the quantile of all values; bootstrap over runs, five
-    at least.
+    the largest of the runs' quantiles over time; bounds from order statistics with what each run is worth
+    (:func:`.confidence.weigh_share`), at a level that makes all of them hold together; how much of the ensemble the
+    runs stand for is in ``ensemble_share``, (1 - confidence)^(1 / runs).  ``mixed``: the quantile of all values; order
+    statistics with what the runs are worth (:func:`.confidence.weigh_runs`).  Where these are too few, the bound is
+    that of Markov's inequality; over fewer than five runs there is none.
 
-    Raises ``ValueError`` for other shapes, and for too few runs (mixed).
+    Raises ``ValueError`` for other shapes.
     """
     magnitude = np.abs(np.asarray(values, dtype=float))
     if magnitude.ndim != 2 or not magnitude.size:
         raise ValueError(f"values: expected the shape (runs, times), got {magnitude.shape}")
     kind = Interpretation(interpretation)
     if kind is Interpretation.ENSEMBLE:
-        return quantile(magnitude.max(axis=1), probability, confidence)
+        return quantile_of_peaks(magnitude.max(axis=1), probability, confidence)
     if kind is Interpretation.TEMPORAL:
         together = share_out(confidence, len(magnitude))
         return state_worst([_state_run(run, probability, together) for run in magnitude], confidence)
-    runs, places = np.sort(magnitude, axis=1), np.sort(magnitude, axis=None)
+    places = np.sort(magnitude, axis=None)
+    level = places[find_rank(magnitude.size, min(probability, SEEN_AT)) - 1]
+    stated = state_pooled(
+        lambda rank: float(places[rank - 1]), magnitude.size, (magnitude > level).mean(axis=1), probability, confidence
+    )
+    if math.isfinite(stated.bound):
+        return stated
+    return state_by_moments(
+        stated, state_rms_of_runs((magnitude**2).mean(axis=1), confidence), find_kurtosis(magnitude), probability
+    )
 
-    def count_up_to(which: Indices) -> Indices:
-        return np.stack([np.searchsorted(run, places[which], side="right") for run in runs])
 
-    return bootstrap_quantile(places, count_up_to, len(runs), probability, confidence, seed=seed)
+def quantile_of_peaks(peaks: ArrayLike, probability: float, confidence: float) -> Statement:
+    """Quantile of the largest values of independent runs (runs,)."""
+    stated = quantile(peaks, probability, confidence)
+    if math.isfinite(stated.bound) or len(np.asarray(peaks)) < LEAST_RUNS:
+        return stated
+    return state_by_moments(stated, state_rms_of_runs(np.square(peaks), confidence), find_kurtosis(peaks), probability)
+
+
+def state_pooled(
+    value: Callable[[int], float], count: int, shares: Array, probability: float, confidence: float
+) -> Statement:
+    """Quantile of the ``count`` values of all runs together; ``value`` gives that of a rank, from 1.
+
+    ``shares`` (runs,): as for :func:`.confidence.weigh_runs`.  Fewer than five runs have no bound by order statistics.
+    """
+    worth = min(weigh_runs(shares), float(count))
+    stated = state_quantile(value, count, worth, probability, confidence, "order statistics over runs")
+    if len(shares) < LEAST_RUNS:
+        return replace(stated, lower=-math.inf, upper=math.inf, bound=math.inf)
+    return stated
 
 
 def _state_run(run: Array, probability: float, confidence: float) -> Statement:
     """The quantile of one run (times,) over time."""
-    ordered = np.sort(run)
-    independent = effective_share(run, ordered[find_rank(len(run), probability) - 1])
-    return state_quantile(
-        lambda rank: float(ordered[rank - 1]), len(run), independent, probability, confidence,
+    ordered, worth = np.sort(run), weigh_share(run, probability)
+    stated = state_quantile(
+        lambda rank: float(ordered[rank - 1]), len(run), worth.count_ranks(confidence), probability, confidence,
         method="order statistics over time",
     )  # fmt: skip
-
-
-def bootstrap_quantile(
-    places: Array,
-    count_up_to: Callable[[Indices], Indices],
-    runs: int,
-    probability: float,
-    confidence: float,
-    *,
-    seed: int,
-) -> Statement:
-    """Quantile of the values of all runs together, with a bootstrap over runs.
-
-    Each resample is searched by bisection among the ascending ``places`` (n,), all resamples at once: 400 runs of 500
-    take 0.9 s, with each resample sorted 16 s, and the time hardly grows with the length of the runs.
-
-    Parameters
-    ----------
-    count_up_to: takes indices of places (k,); the values of each run up to these places, (runs, k).
-    """
-    return bootstrap_counts(
-        runs, lambda often: find_pooled(places, count_up_to, often, probability), confidence, seed=seed,
-        probability=probability,
-    )  # fmt: skip
-
-
-def find_pooled(
-    places: Array,
-    count_up_to: Callable[[Indices], Indices],
-    often: Indices,
-    probability: float,
-) -> Array:
-    """The quantile (k,) of samples in which each run is so ``often`` (k, runs), see :func:`bootstrap_quantile`."""
-    last = len(places) - 1
-    totals = often @ count_up_to(np.array([last]))[:, 0]
-    needed = np.array([find_rank(int(total), probability) for total in totals])
-    low, high = np.zeros(len(often), dtype=np.int64), np.full(len(often), last)
-    for _ in range(len(places).bit_length()):
-        middle = (low + high) // 2
-        enough = (often * count_up_to(middle).T).sum(axis=1) >= needed
-        high, low = np.where(enough, middle, high), np.where(enough, low, middle + 1)
-    return np.asarray(places[high])
+    if math.isfinite(stated.bound):
+        return stated
+    rms = state_rms(math.sqrt(float((run**2).mean())), run**2, confidence)
+    return state_by_moments(stated, rms, find_kurtosis(run), probability)

@@ -13,37 +13,35 @@ import math
 import struct
 import zlib
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..pointing.confidence import (
     LEAST_RUNS,
+    MARKOV,
+    SEEN_AT,
     Statement,
-    gaussian_rms,
-    quantile,
+    find_rank,
     samples_needed,
     share_out,
+    state_by_moments,
     state_quantile,
+    state_rms_of_runs,
     state_worst,
 )
-from ..pointing.interpretation import Interpretation, bootstrap_quantile, find_pooled
+from ..pointing.interpretation import Interpretation, quantile_of_peaks, state_pooled
 from .distribution import BINS, Distribution, list_edges
 from .requirement import Requirement
 
 Array = NDArray[np.float64]
 Counts = NDArray[np.int64]
 
-FEW = 100
-"""Independent samples of a record below which their estimated number is so uncertain that bounds hold less often.
-
-Of 600 correlated Gaussian records worth 77 samples 85 % kept a bound of their 95 % quantile at 90 % confidence, of
-those worth 120 samples 89 %.  The RMS allows for it: of 400 records worth 25 and 200 samples 88 and 90 % kept it.
-"""
 MOST_GROUPS = 400
-"""Groups that are resampled; more runs share one.  A group of independent runs is as good a unit as a run, and the
-bootstrap of 400 takes 1 s and 80 MB however many runs there are."""
+"""Groups of runs whose histograms are kept; more runs share one.  A group of independent runs is as good a unit as a
+run, and 400 take 80 MB however many runs there are."""
+MARGIN = 1.3
+"""Of an advice: what a record is worth is known to some 30 %."""
 _HEADER = struct.Struct("<dI")  # largest value over the limit; number of bins that are filled
 
 
@@ -60,34 +58,32 @@ def state(requirement: Requirement, runs: Sequence[Distribution]) -> Statement:
         return _state_of_time(probability, confidence, runs)
     assert probability is not None  # an RMS is temporal
     if requirement.interpretation is Interpretation.ENSEMBLE:
-        return quantile([run.peak for run in runs], probability, confidence)
-    return _state_of_all(probability, confidence, runs)
+        return quantile_of_peaks([run.peak for run in runs], probability, confidence)
+    counts = np.array([run.counts for run in runs])
+    return state_of_counts(counts, list_edges(runs[0].limit, max(run.peak for run in runs)), probability, confidence)
 
 
-def explain_lack(requirement: Requirement, statement: Statement, runs: int, judged_s: float) -> str:
-    """Why there is no bound, and how much there would have to be for one."""
-    assert requirement.probability is not None and requirement.confidence is not None  # others always have a bound
+def advise(requirement: Requirement, statement: Statement, runs: int, judged_s: float) -> str:
+    """What gives a quantile a bound by order statistics; what narrows it where it has one already.
+
+    ``runs``: how many were judged, each of ``judged_s``.
+    """
+    probability, confidence = requirement.probability, requirement.confidence
+    closest = math.isfinite(statement.bound) and not statement.method.startswith(MARKOV)
+    if probability is None or confidence is None or closest:
+        return "a longer run narrows it" if requirement.interpretation is Interpretation.TEMPORAL else "more runs do"
+    if requirement.interpretation is Interpretation.TEMPORAL:
+        needed = samples_needed(probability, share_out(confidence, runs))
+        length = judged_s * needed / statement.independent
+        return (
+            f"{_count_samples(statement.independent)} in {judged_s:.4g} s; {needed} are needed: "
+            f"run about {_round_up(MARGIN * length + requirement.settling_s):g} s"
+        )
+    needed = samples_needed(probability, confidence)
     if requirement.interpretation is Interpretation.MIXED:
-        return f"a bootstrap needs {LEAST_RUNS} runs with different seeds, there {_count(runs)}"
-    confidence = requirement.confidence
-    if requirement.interpretation is Interpretation.ENSEMBLE:
-        needed = samples_needed(requirement.probability, confidence)
-        return f"{needed} runs with different seeds are needed, there {_count(runs)}"
-    needed = samples_needed(requirement.probability, share_out(confidence, runs))
-    length = judged_s * needed / statement.independent
-    return (
-        f"{_count_samples(statement.independent)} in {judged_s:.4g} s; {needed} are needed: run about "
-        f"{_round_up(length + requirement.settling_s):g} s"
-    )
-
-
-def qualify(requirement: Requirement, statement: Statement) -> str:
-    """What is to be said of a bound that rests on few samples of a record; nothing otherwise."""
-    known = requirement.confidence is None or requirement.interpretation is not Interpretation.TEMPORAL
-    if known or statement.independent >= FEW:
-        return ""
-    number = _count_samples(statement.independent)
-    return f"the bound rests on {number}: so few that their number is uncertain, and the bound with it"
+        each = statement.independent / runs if runs >= LEAST_RUNS else 1.0
+        needed = max(LEAST_RUNS, math.ceil(min(1.0, MARGIN / each) * needed)) if each else needed
+    return f"{needed} runs with different seeds are needed, there {_count(runs)}"
 
 
 def _state_peak(runs: Sequence[Distribution]) -> Statement:
@@ -103,52 +99,43 @@ def _state_of_time(probability: float | None, confidence: float, runs: Sequence[
     """The worst run, each with a confidence that makes all bounds hold together."""
     together = share_out(confidence, len(runs))
     if probability is None:
-        each = [gaussian_rms(run.rms, run.independent_squares(), together) for run in runs]
-    else:
-        each = [quantile_of_record(run, probability, together) for run in runs]
+        return state_worst([run.state_rms(together) for run in runs], confidence)
+    each = [quantile_of_record(run, probability, together) for run in runs]
+    for place, (run, one) in enumerate(zip(runs, each, strict=True)):
+        if math.isinf(one.bound) and not run.is_constant:
+            each[place] = state_by_moments(one, run.state_rms(together), run.kurtosis, probability)
     return state_worst(each, confidence)
 
 
 def quantile_of_record(run: Distribution, probability: float, confidence: float) -> Statement:
     """As :func:`..pointing.confidence.quantile`, from the distribution of the magnitudes over a run."""
-    independent = min(run.effective_share(run.quantile(probability)), float(run.count))
-    return state_quantile(
-        run.value, run.count, independent, probability, confidence, method="order statistics over time"
-    )
-
-
-def _state_of_all(probability: float, confidence: float, runs: Sequence[Distribution]) -> Statement:
-    counts = np.array([run.counts for run in runs])
-    return state_of_counts(counts, list_edges(runs[0].limit, max(run.peak for run in runs)), probability, confidence)
+    worth = min(run.weigh_share(probability).count_ranks(confidence), float(run.count))
+    return state_quantile(run.value, run.count, worth, probability, confidence, method="order statistics over time")
 
 
 def state_of_counts(counts: Counts, edges: Array, probability: float, confidence: float) -> Statement:
-    """The quantile of the values of all runs, with a bootstrap that resamples whole runs.
+    """The quantile of the values of all runs.
 
     Parameters
     ----------
     counts: (runs, bins), values of each run in each bin; fewer than five runs have no bound.
     edges: (bins,), upper ends of the bins.
     """
-    filled = counts.any(axis=0)  # a tenth of the bins or less
-    edges = edges[filled]
-    below = np.cumsum(counts[:, filled], axis=1)
+    up_to = np.cumsum(counts.sum(axis=0))
+    total = int(up_to[-1])
 
-    def count_up_to(which: Counts) -> Counts:
-        return np.asarray(below[:, which])
+    def place(rank: int) -> int:
+        return int(np.searchsorted(up_to, rank))
 
-    if len(counts) < LEAST_RUNS:
-        return Statement(
-            value=float(find_pooled(edges, count_up_to, np.ones((1, len(counts)), dtype=np.int64), probability)[0]),
-            confidence=confidence,
-            lower=-math.inf,
-            upper=math.inf,
-            bound=math.inf,
-            independent=float(len(counts)),
-            method="bootstrap over runs",
-            probability=probability,
-        )
-    return bootstrap_quantile(edges, count_up_to, len(counts), probability, confidence, seed=0)
+    above = counts[:, place(find_rank(total, min(probability, SEEN_AT))) + 1 :].sum(axis=1)
+    each = counts.sum(axis=1)
+    stated = state_pooled(lambda rank: float(edges[place(rank)]), total, above / each, probability, confidence)
+    if math.isfinite(stated.bound):
+        return stated
+    mean_squares = counts @ edges**2 / each
+    whole = float(mean_squares.mean())
+    kurtosis = float(counts.sum(axis=0) @ edges**4) / total / whole**2 if whole else 0.0
+    return state_by_moments(stated, state_rms_of_runs(mean_squares, confidence), kurtosis, probability)
 
 
 def _count(runs: int) -> str:
@@ -199,10 +186,9 @@ class Pool:
         self.runs += 1
 
     def state(self, probability: float, confidence: float) -> Statement:
-        """The quantile of all values with its bound, in the unit of the limit.  Bootstrap over runs."""
+        """The quantile of all values with its bound, in the unit of the limit."""
         groups = self._groups[: max(1, min(self.runs, len(self._groups)))]
-        stated = state_of_counts(groups, list_edges(self.limit, self._peak * self.limit), probability, confidence)
-        return replace(stated, independent=float(self.runs))
+        return state_of_counts(groups, list_edges(self.limit, self._peak * self.limit), probability, confidence)
 
 
 def _unpack(text: str) -> tuple[float, NDArray[np.int64], Counts]:

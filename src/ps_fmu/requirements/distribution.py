@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..pointing.confidence import effective_share, find_rank, least_samples
+from ..pointing.confidence import Statement, Worth, find_kurtosis, find_rank, state_rms, weigh_share
 from ..reduction.moments import LogarithmicBins, Totals
 from ..results.observers.observer import State, check_array
 
@@ -99,6 +99,11 @@ class Distribution:
         return self.limit * math.sqrt(self._totals.squares / self.count)
 
     @property
+    def kurtosis(self) -> float:
+        """Of the series of some values, see :func:`.find_kurtosis`."""
+        return find_kurtosis(np.concatenate(self._series))
+
+    @property
     def is_constant(self) -> bool:
         """All values are one."""
         return math.isclose(self.rms, self.peak, rel_tol=1e-12)
@@ -117,13 +122,14 @@ class Distribution:
         """The value below which, or at which, a share of all values lies."""
         return self.value(find_rank(self.count, probability))
 
-    def effective_share(self, value: float) -> float:
-        """Number of independent samples for the share of values up to ``value``, see :func:`.effective_share`."""
-        return effective_share(np.concatenate(self._series), value / self.limit)
+    def weigh_share(self, probability: float) -> Worth:
+        """What the values are worth for their quantile, see :func:`.weigh_share`."""
+        return weigh_share(np.concatenate(self._series), probability)
 
-    def independent_squares(self) -> float:
-        """Number of independent samples for the mean square, rather too few than too many: ``least_samples``."""
-        return least_samples(np.square(np.concatenate(self._series)))
+    def state_rms(self, confidence: float) -> Statement:
+        """RMS of all values with its bound, see :func:`.state_rms`."""
+        sizes = np.concatenate(self._series)
+        return state_rms(self.rms, (sizes * self.limit) ** 2, confidence, sizes)
 
 
 @lru_cache(maxsize=8)

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from enum import StrEnum
 
-from ..pointing.confidence import Statement
+from ..pointing.confidence import MARKOV, Statement
 from ..pointing.interpretation import Interpretation
 from ..results.tables import Table
-from .decision import explain_lack, qualify, state
+from .decision import advise, state
 from .record import RequirementRecord
 from .requirement import Requirement
 
@@ -20,6 +20,9 @@ class Answer(StrEnum):
 
     MET = "met"
     NOT_MET = "not met"
+    """Shown to be above the limit."""
+    NOT_SHOWN = "not shown"
+    """The limit lies within the interval of the value."""
     OPEN = "cannot be said"
 
 
@@ -106,6 +109,15 @@ CONSTANT = "the value is the same at all times, and no run is long enough for it
 HEADER = ("requirement", "verdict", "signal", "run", "value", "bound", "limit", "margin")
 
 
+def decide(stated: Statement, limit: float) -> Answer:
+    """Met where the bound is not above the limit, not met where the lower end of the interval is; both in one unit."""
+    if stated.bound <= limit:
+        return Answer.MET
+    if stated.lower > limit:
+        return Answer.NOT_MET
+    return Answer.NOT_SHOWN if math.isfinite(stated.bound) else Answer.OPEN
+
+
 def judge(requirement: Requirement, case: str, runs: Sequence[RequirementRecord], rows: str) -> list[Verdict]:
     """The verdicts on a requirement, one for each of its targets.
 
@@ -120,18 +132,19 @@ def judge(requirement: Requirement, case: str, runs: Sequence[RequirementRecord]
             verdicts.append(Verdict(requirement, case, target.label, Answer.OPEN, target.limit, None, why, rows))
             continue
         stated = state(requirement, [distributions[place] for distributions in filled])
-        answer, why = Answer.MET if stated.bound <= target.limit else Answer.NOT_MET, ""
-        if math.isinf(stated.bound) and stated.lower > target.limit:  # for which few samples may be enough
-            why = "the limit lies below all of the value's interval"
-        elif math.isinf(stated.bound):
+        answer, why = decide(stated, target.limit), ""
+        if answer in (Answer.NOT_SHOWN, Answer.OPEN):
             constant = all(found[place].is_constant for found in filled)
-            hopeless = constant and requirement.interpretation is Interpretation.TEMPORAL  # others want more runs
-            why = CONSTANT if hopeless else explain_lack(requirement, stated, len(runs), judged_s)
-            answer = Answer.OPEN
-        elif stated.value <= target.limit < stated.bound:
-            why = "the value is below the limit, its bound is not: a longer run narrows it"
-        else:
-            why = qualify(requirement, stated)
+            if constant and requirement.interpretation is Interpretation.TEMPORAL:  # others want more runs
+                why = CONSTANT
+            elif answer is Answer.OPEN:
+                why = f"there is no bound; {advise(requirement, stated, len(runs), judged_s)}"
+            else:
+                side = "below" if stated.value <= target.limit else "above"
+                advice = advise(requirement, stated, len(runs), judged_s)
+                why = f"the value is {side} the limit, which its interval holds; {advice}"
+        elif answer is Answer.MET and stated.method.startswith(MARKOV):
+            why = f"the bound is wide, by {MARKOV}; {advise(requirement, stated, len(runs), judged_s)}"
         verdicts.append(Verdict(requirement, case, target.label, answer, target.limit, stated, why, rows))
     return verdicts
 
@@ -176,5 +189,5 @@ def count_answers(found: Sequence[Answer]) -> str:
     """How many answers are which, in the words of :func:`summarise`."""
     counts = {answer: found.count(answer) for answer in Answer}
     text = f"{counts[Answer.MET]} of {len(found)} are met"
-    missed = [f"{counts[answer]} {answer}" for answer in (Answer.NOT_MET, Answer.OPEN) if counts[answer]]
+    missed = [f"{counts[answer]} {answer}" for answer in list(Answer)[1:] if counts[answer]]
     return ", ".join([text, *missed])

@@ -5,17 +5,24 @@ SI data in, engineering units on the axes.  Passive is orange, active blue throu
 
 from __future__ import annotations
 
+import signal
+import subprocess
+import sys
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from threading import Thread
+from typing import TYPE_CHECKING, Any, Self
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from .page.content import Axis, Chart, ChartGroup, CloudGroup, Curve, Exploration, Spans, Still
 from .report import Picture
-from .style import COLOURS, REFERENCE, draw, engineering, largest, pretty
+from .style import COLOURS, REFERENCE, draw, engineering, largest, prepare_drawing, pretty, write_powers_plainly
 from .waterfall import draw_waterfall
 
 if TYPE_CHECKING:
@@ -37,19 +44,89 @@ _DRAWN: Mapping[str, dict[str, Any]] = {
 
 def draw_exploration(explored: Exploration, folder: Path) -> list[Picture]:
     """Draw the stills of all groups into a folder; the pictures, with their captions.  Raises OSError."""
-    pictures = []
-    for waterfall in explored.waterfalls:
-        pictures.append(Picture(folder / waterfall.file, waterfall.caption))
-        draw_waterfall(folder / waterfall.file, waterfall)
-    for group in explored.charts:
-        for still in group.stills:
-            pictures.append(Picture(folder / still.file, still.caption or group.caption))
-            draw_charts(folder / still.file, group, still)
-    for clouds in explored.clouds:
-        if clouds.file:
-            pictures.append(Picture(folder / clouds.file, clouds.caption))
-            draw_clouds(folder / clouds.file, clouds)
-    return pictures
+    stills = _list_stills(explored)
+    for file, _, paint in stills:
+        paint(folder / file)
+    return [Picture(folder / file, caption) for file, caption, _ in stills]
+
+
+def _list_stills(explored: Exploration) -> list[tuple[str, str, Callable[[Path], None]]]:
+    """The name of each file, its caption, and what draws it."""
+    return [
+        *((one.file, one.caption, partial(draw_waterfall, shown=one)) for one in explored.waterfalls),
+        *(
+            (still.file, still.caption or group.caption, partial(draw_charts, group=group, still=still))
+            for group in explored.charts
+            for still in group.stills
+        ),
+        *((one.file, one.caption, partial(draw_clouds, group=one)) for one in explored.clouds if one.file),
+    ]
+
+
+class Painter:
+    """A process of its own that draws figures while this one does something else.
+
+    It begins by importing matplotlib, which takes 0.5 s.  What it cannot draw, or where it cannot be started, is drawn
+    here.
+    """
+
+    def __init__(self) -> None:
+        command = [sys.executable, "-I", "-c", f"from {__name__} import draw_what_comes; draw_what_comes()"]
+        self._process: subprocess.Popen[bytes] | None = None
+        with suppress(OSError):
+            none = subprocess.DEVNULL
+            self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=none, stderr=none)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """End the process."""
+        if self._process is not None:
+            self._process.kill()
+            self._process.wait()
+
+    def begin(self, explored: Exploration, folder: Path) -> Callable[[], list[Picture]]:
+        """Have the stills of all groups drawn into a folder.
+
+        What waits until they are drawn, and returns the pictures with their captions; that raises OSError.
+        """
+        shown, process = replace(explored, mechanism=None, cases=None), self._process
+        if process is None:
+            return partial(draw_exploration, explored, folder)
+        given = msgspec.msgpack.encode((str(folder.absolute()), shown), enc_hook=_write_array)
+        thread = Thread(target=process.communicate, args=(given,), daemon=True)  # it may not listen yet
+        thread.start()
+
+        def wait() -> list[Picture]:
+            thread.join()
+            if process.returncode:
+                return draw_exploration(explored, folder)
+            return [Picture(folder / file, caption) for file, caption, _ in _list_stills(explored)]
+
+        return wait
+
+
+def draw_what_comes() -> None:
+    """Draw what a :class:`Painter` asks for; the program of its process."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # who has asked for it ends it
+    prepare_drawing().join()
+    if given := sys.stdin.buffer.read():
+        folder, explored = msgspec.msgpack.decode(given, type=tuple[str, Exploration], dec_hook=_read_array)
+        draw_exploration(explored, Path(folder))
+
+
+def _write_array(value: Any) -> Any:
+    if isinstance(value, np.ndarray):
+        return value.dtype.str, value.shape, value.tobytes()
+    if isinstance(value, np.generic):
+        return value.item()
+    raise TypeError(f"no part of a figure: {type(value).__name__}")
+
+
+def _read_array(_: object, value: Any) -> Any:
+    dtype, shape, content = value
+    return np.frombuffer(content, dtype).reshape(shape)
 
 
 def draw_charts(path: Path, group: ChartGroup, still: Still | None = None) -> None:
@@ -170,6 +247,8 @@ def _paint_chart(axes: Axes, chart: Chart, group: ChartGroup) -> dict[str, Artis
     axes.margins(x=0.0)
     axes.tick_params(labelsize=11.0)
     for ruler, (first, last) in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
+        if ruler.get_scale() == "log":
+            write_powers_plainly(ruler)
         if ruler.get_scale() == "log" and last > _DECADES * first:
             ruler.minorticks_off()  # they take a third of the time, and say little there
     axes.set_title(chart.title.replace("$", r"\$"), loc="left", fontsize=11.5)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 from ..cosim.faults.binding import ActedFault
 from ..requirements.verdict import Answer, Verdict, format_verdicts, list_remarks, summarise
-from ..results.figures import draw_exploration
+from ..results.figures import Painter, draw_exploration
 from ..results.page.content import Exploration, VerdictRow
 from ..results.report import Picture, Report
 from ..results.summary import versions, write_summary
@@ -23,7 +24,7 @@ from .stored_rows import finish_file
 class Done:
     """A run whose results are all written."""
 
-    missed: Sequence[str]  # requirements that are not met, or of which it cannot be said
+    missed: Sequence[str]  # requirements that are not shown to be met
     refused: str  # targets that are out of reach
 
     @property
@@ -58,20 +59,32 @@ class Findings:
         return sum(o.simulated_s for o in self.outcomes) / sum(o.wall_s for o in self.outcomes)
 
 
-def publish(options: RunOptions, system: RunSystem, findings: Findings, show: Callable[[str], None]) -> Done:
+def publish(
+    options: RunOptions,
+    system: RunSystem,
+    findings: Findings,
+    show: Callable[[str], None],
+    painter: Painter | None = None,
+) -> Done:
     """Write figures, summary.json and report.html, and finish results.nc, all in the folder of the options.
 
-    Shows verdicts, faults, costs, how fast it went and where the results are.  Raises ``OSError`` if they cannot be
-    written.
+    ``painter``: what draws the figures meanwhile; None: they are drawn here, if the options want any.  Shows verdicts,
+    faults, costs, how fast it went and where the results are.  Raises ``OSError`` if they cannot be written.
     """
     explored = findings.explore(options.output / RESULTS)
-    pictures = [*draw_exploration(explored, options.output), *findings.draw(options.output)] if options.figures else []
+    pictures: list[Picture] = []
+    wait: Callable[[], Sequence[Picture]] = tuple
+    if options.figures:
+        draw_here = partial(draw_exploration, explored, options.output)
+        wait = draw_here if painter is None else painter.begin(explored, options.output)
+        pictures += findings.draw(options.output)
     try:
         finish_file(options.output / RESULTS)
     except OSError as error:  # the rows are there; nothing else is to be lost
         system.warnings.add(str(error))
     verdicts = system.judge.conclude()
     write_summary(options.output / SUMMARY, make_summary(options, system, findings))
+    pictures = [*wait(), *pictures]
     faults = _tabulate_faults(options, findings)
     Report(
         title=findings.title,
@@ -129,7 +142,7 @@ def list_missed(system: RunSystem, findings: Findings) -> list[str]:
     """Requirements that are not met, of the user and of the scenario: a text for each group."""
     verdicts = system.judge.conclude()
     missed = [] if all(verdict.met for verdict in verdicts) else [f"requirements: {summarise(verdicts)}"]
-    if own := [verdict for verdict in findings.verdicts if verdict.met is False]:
+    if own := [verdict for verdict in findings.verdicts if verdict.answer == Answer.NOT_MET.value]:
         count = f"{len(own)} of {len(findings.verdicts)}"
         missed.append(f"{count} requirements of the scenario are not met: {own[0].requirement}")
     return missed
@@ -150,7 +163,7 @@ def show_verdict(found: Verdict) -> VerdictRow:
         limit=limit,
         margin=margin,
         confidence="-" if sure is None else f"below {bound} with {100.0 * sure:g} %" if bound != "-" else "no bound",
-        met=None if found.answer is Answer.OPEN else found.met,
+        answer=found.answer.value,
     )
 
 

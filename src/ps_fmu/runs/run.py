@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import nullcontext
 from dataclasses import replace
 
 from ..cosim import Value
 from ..cosim.structure import suggest_names
-from ..results.style import prepare_drawing
+from ..results.figures import Painter
 from .built_fmus import find_built_folder, provide_fmus
 from .keeping import keep_run
 from .options import OptionError, RunOptions
@@ -105,11 +106,9 @@ def execute(options: RunOptions, show: Callable[[str], None] = print) -> Done:
     OptionError: an option cannot be honoured, as the system shows.
     CosimError, OSError, ValueError: the FMUs cannot be run, or results cannot be written.
     """
-    if options.figures:
-        prepare_drawing()
     remove_old_values(options)
-    with keep_run(options):
+    with keep_run(options), Painter() if options.figures else nullcontext() as painter:
         run = Run(options)
         findings = find(run)
         show(findings.printed)
-        return publish(run.options, run.system, findings, show)
+        return publish(run.options, run.system, findings, show, painter)

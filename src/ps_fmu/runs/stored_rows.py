@@ -134,6 +134,7 @@ class KeptRows:
 LEVEL = 1  # of zlib, with shuffled bytes: 4 takes a sixth longer, for files 0.3 % smaller
 WORTH = 0.6  # compressed over plain size up to which it is done
 MOST_COLUMNS = 1000  # of a run: to read one, netCDF looks at all of them, so that 10,000 would take 20 minutes
+LEAST_BYTES = 4_000_000  # below, 0.16 s to write all anew would save less than half of it
 _SAMPLE_ROWS = 1000
 _BLOCK_ROWS = 160_000
 
@@ -143,7 +144,7 @@ def finish_file(path: Path) -> None:
 
     Columns are compressed where that halves them, or nearly so: those that are constant or slow, half of the default
     system's.  What is left is noise, which would shrink by a fifth and take four times as long.  A file of more than
-    :data:`MOST_COLUMNS` stays as it is.
+    :data:`MOST_COLUMNS` stays as it is, and one below :data:`LEAST_BYTES` where no chunk is longer than its column.
 
     Raises OSError if it cannot be written; the file is there then, as the runs left it.
     """
@@ -158,7 +159,11 @@ def finish_file(path: Path) -> None:
     try:
         beside.unlink(missing_ok=True)
         with NETCDF_LOCK, netCDF4.Dataset(path) as old:
-            if max(len(group.variables) for group in (old, *old.groups.values())) > MOST_COLUMNS:
+            groups = old, *old.groups.values()
+            if max(len(group.variables) for group in groups) > MOST_COLUMNS:
+                return
+            times = [group["time"] for group in groups if "time" in group.variables]
+            if size < LEAST_BYTES and all(read_chunk_rows(time) <= time.size for time in times):
                 return
             with netCDF4.Dataset(beside, "w", format="NETCDF4") as new:
                 _copy_group(old, new)

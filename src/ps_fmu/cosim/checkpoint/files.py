@@ -1,16 +1,20 @@
 """The files of checkpoints, each complete or not there, and the journals of rows that only grow in number.
 
-A checkpoint is a line with the format and a checksum, and the state as MessagePack; an array in it is an extension of
-type 1: dtype, shape, whether it lies column by column, and its bytes, little endian.  A file may come from anywhere:
-nothing in it is executed, and no size in it is believed.
+A checkpoint is a line with the format, the length of the state and a checksum, the state as MessagePack, and behind it
+the bytes of the arrays, little endian.  An array in the state is an extension of type 1: dtype, shape, whether it lies
+column by column, and where its bytes begin behind the state.  A file may come from anywhere: nothing in it is executed,
+and no size in it is believed.
 
-A journal is float64 after float64, little endian, row by row.  A checkpoint says how many of the rows are its own, and
+A journal has its rows in parts of :data:`PART_ROWS` at most.  A part is the number of its rows as int64, for each
+column a byte that is 1 if its numbers differ, zeros up to a multiple of 8 bytes, then for each column its numbers,
+float64, or the one that they all are; all little endian.  A checkpoint says how many of the bytes are its own, and
 their checksum; what lies behind them, of after the checkpoint, is cut off when the run is resumed.
 """
 
 from __future__ import annotations
 
 import logging
+import math
 import os
 import re
 import zlib
@@ -21,18 +25,21 @@ from typing import Any
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from .state import Array, CheckpointError, DamagedCheckpointError, State
 
 log = logging.getLogger("ps_fmu.cosim")
 
+Words = NDArray[np.uint64]
+
 GENERATIONS = 2
 """So many checkpoints stay: there is one whatever happens to the other."""
 DTYPES = ("<f8", "<i8", "<i4", "|b1", "|u1")
 """Those of arrays that a checkpoint can hold."""
-CHUNK_BYTES = 2**22
-"""So much of a journal is read at once."""
-_HEAD = b"ps_fmu checkpoint 2 %08x\n"
+PART_ROWS = 2**16
+"""A part of a journal has so many rows at most, whatever a damaged file says."""
+_HEAD = b"ps_fmu checkpoint 3 %d %08x\n"
 _ARRAY = 1
 _NAME = re.compile(r"row-(\d{1,18})\.msgpack")
 _BEGUN = ".begun.part"  # the file that is written and then gets its name
@@ -40,13 +47,18 @@ _BEGUN = ".begun.part"  # the file that is written and then gets its name
 
 def write_file(path: Path, tree: Mapping[str, State]) -> None:
     """Write a checkpoint so that ``path`` is complete or not there.  Raises OSError; nothing is left then."""
-    content = msgspec.msgpack.encode(tree, enc_hook=_encode)
+    arrays = _Arrays()
+    content = msgspec.msgpack.encode(tree, enc_hook=arrays.encode)
+    checksum = 0
+    for part in (content, *arrays.parts):
+        checksum = zlib.crc32(part, checksum)
     begun = path.with_name(_BEGUN)
     try:
         begun.unlink(missing_ok=True)  # it may be a link to anywhere
         with begun.open("xb") as file:
-            file.write(_HEAD % zlib.crc32(content))
+            file.write(_HEAD % (len(content), checksum))
             file.write(content)
+            file.writelines(arrays.parts)
             file.flush()
             os.fsync(file.fileno())
         begun.replace(path)
@@ -62,9 +74,11 @@ def read_file(path: Path) -> dict[str, State]:
         raise CheckpointError(f"{path}: is no file but a folder, pipe or device")
     try:
         head, _, content = path.read_bytes().partition(b"\n")
-        if head + b"\n" != _HEAD % zlib.crc32(content):
+        size = int(head.split(b" ")[-2] if head.count(b" ") > 1 else 0)
+        if head + b"\n" != _HEAD % (size, zlib.crc32(content)) or not 0 <= size <= len(content):
             raise ValueError("its format is another one, or its checksum does not fit")
-        tree = msgspec.msgpack.decode(content, ext_hook=_decode)
+        data = memoryview(content)
+        tree = msgspec.msgpack.decode(data[:size], ext_hook=lambda code, place: _decode(code, place, data[size:]))
         if not isinstance(tree, dict):
             raise ValueError("its content is no set of named values")
     except OSError as error:
@@ -86,29 +100,41 @@ def sync_folder(folder: Path) -> None:
         os.close(handle)
 
 
-def _encode(value: Any) -> Any:
-    """What MessagePack does not know."""
-    if isinstance(value, np.generic):
-        return value.item()
-    if isinstance(value, Mapping):
-        return dict(value)
-    if not isinstance(value, np.ndarray):
-        raise TypeError(f"a checkpoint holds no {type(value).__name__}")
-    columns = value.flags.f_contiguous and not value.flags.c_contiguous  # numpy sums in the order of the memory
-    dtype = value.dtype.newbyteorder("<")
-    if dtype.str not in DTYPES:
-        raise TypeError(f"a checkpoint holds no array of {value.dtype}")
-    content = value.astype(dtype, copy=False).tobytes("F" if columns else "C")
-    return msgspec.msgpack.Ext(_ARRAY, msgspec.msgpack.encode((dtype.str, value.shape, columns, content)))
+class _Arrays:
+    """Puts arrays behind the state, so that none is copied."""
+
+    def __init__(self) -> None:
+        self.parts: list[Any] = []
+        self._size = 0
+
+    def encode(self, value: Any) -> Any:
+        """What MessagePack does not know."""
+        if isinstance(value, np.generic):
+            return value.item()
+        if isinstance(value, Mapping):
+            return dict(value)
+        if not isinstance(value, np.ndarray):
+            raise TypeError(f"a checkpoint holds no {type(value).__name__}")
+        columns = value.flags.f_contiguous and not value.flags.c_contiguous  # numpy sums in the order of the memory
+        dtype = value.dtype.newbyteorder("<")
+        if dtype.str not in DTYPES:
+            raise TypeError(f"a checkpoint holds no array of {value.dtype}")
+        place = msgspec.msgpack.encode((dtype.str, value.shape, columns, self._size))
+        if value.size:
+            laid = np.ascontiguousarray(value.T if columns else value, dtype)
+            self.parts.append(laid.reshape(-1).view(np.uint8).data)
+            self._size += value.nbytes
+        return msgspec.msgpack.Ext(_ARRAY, place)
 
 
-def _decode(code: int, data: memoryview) -> State:
+def _decode(code: int, place: memoryview, arrays: memoryview) -> State:
     if code != _ARRAY:
         raise ValueError(f"an extension of type {code}")
-    dtype, shape, columns, content = msgspec.msgpack.decode(data, type=tuple[str, tuple[int, ...], bool, bytes])
-    if dtype not in DTYPES or min(shape, default=0) < 0:
+    dtype, shape, columns, begin = msgspec.msgpack.decode(place, type=tuple[str, tuple[int, ...], bool, int])
+    if dtype not in DTYPES or min(shape, default=0) < 0 or begin < 0:
         raise ValueError(f"an array of {dtype!r} and the shape {shape}; expected one of {', '.join(DTYPES)}")
-    found = np.frombuffer(content, dtype).reshape(shape, order="F" if columns else "C")
+    size = math.prod(shape) * np.dtype(dtype).itemsize
+    found = np.frombuffer(arrays[begin : begin + size], dtype).reshape(shape, order="F" if columns else "C")
     return found.astype(found.dtype.newbyteorder("="))
 
 
@@ -170,6 +196,7 @@ class CheckpointFolder:
 class Journal:
     """Rows of ``width`` numbers in a file, written anew, or gone on with from what a checkpoint says of it.
 
+    They lie column by column, as a recorder has them, and a column that does not change is one number.
     A journal that cannot be written, as on a full disk, takes no more rows: the run goes on without checkpoints.
 
     Raises :class:`CheckpointError`: the rows of the checkpoint are not there.
@@ -181,7 +208,7 @@ class Journal:
         """Why it takes no more rows."""
         self.spent_s = 0.0
         """Time that the rows have taken [s]."""
-        self._rows = self._sum = 0
+        self._bytes = self._sum = 0
         try:
             self._file = path.open("w+b" if kept is None else "r+b", buffering=0)
             if kept is not None:
@@ -198,13 +225,14 @@ class Journal:
         if self.failure is not None or self._file.closed:
             return
         began = perf_counter()
-        numbers = np.ascontiguousarray(rows, "<f8")
         try:
-            left = numbers.data.cast("B") if numbers.size else memoryview(b"")
-            while left:
-                left = left[self._file.write(left) :]
-            self._rows += len(rows)
-            self._sum = _add(self._sum, numbers)
+            for first in range(0, len(rows), PART_ROWS):
+                words = _lay_out(rows[first : first + PART_ROWS])
+                left = words.data.cast("B")
+                while left:  # at once: a write for each column would take twice as long
+                    left = left[self._file.write(left) :]
+                self._bytes += words.nbytes
+                self._sum = _add(self._sum, words)
         except OSError as error:
             self.failure = error
             log.warning("%s: %s: no more checkpoints are written", self.path, error.strerror or error)
@@ -215,42 +243,67 @@ class Journal:
         if self.failure is not None:
             raise self.failure
         os.fsync(self._file.fileno())
-        return {"width": self.width, "rows": self._rows, "sum": self._sum}
+        return {"width": self.width, "bytes": self._bytes, "sum": self._sum}
 
     def read(self) -> Iterator[Array]:
-        """All rows so far, some thousand at a time.  Raises EOFError where the file ends before."""
-        left, at_once = self._rows, max(1, CHUNK_BYTES // (8 * self.width))
-        with self.path.open("rb") as file:
-            while left:
-                numbers = np.fromfile(file, "<f8", min(left, at_once) * self.width)
-                if numbers.size < min(left, at_once) * self.width:
-                    raise EOFError
-                left -= min(left, at_once)
-                yield numbers.reshape(-1, self.width)
+        """All rows so far, part by part."""
+        for count, differs, words in self._read_parts():
+            ends = np.cumsum(np.where(differs, count, 1))
+            numbers = words[len(words) - ends[-1] :].view("<f8")
+            rows = np.empty((self.width, count))
+            for column, own in zip(rows, np.split(numbers, ends[:-1]), strict=True):
+                column[:] = own
+            yield rows.T
 
     def close(self) -> None:
         """Close the file."""
         self._file.close()
 
+    def _read_parts(self) -> Iterator[tuple[int, NDArray[np.bool_], Words]]:
+        """Rows of each part, which columns differ in it, and all its words.  Raises EOFError: the file ends before."""
+        with self.path.open("rb") as file:
+            while (begin := file.tell()) < self._bytes:
+                head = np.fromfile(file, "<u8", 1 + -(-self.width // 8))
+                differs = head[1:].view(np.uint8)[: self.width] == 1
+                count = int(head[0]) if len(differs) == self.width else 0
+                size = len(head) + int(np.where(differs, count, 1).sum())
+                if not 0 < count <= PART_ROWS or begin + 8 * size > self._bytes:
+                    raise EOFError
+                words = np.concatenate((head, np.fromfile(file, "<u8", size - len(head))))
+                if len(words) < size:
+                    raise EOFError
+                yield count, differs, words
+
     def _go_on(self, kept: Mapping[str, State]) -> None:
-        rows, width, checksum = (kept.get(name) for name in ("rows", "width", "sum"))
-        if width != self.width or type(rows) is not int or rows < 0:
+        size, width, checksum = (kept.get(name) for name in ("bytes", "width", "sum"))
+        if width != self.width or type(size) is not int or size < 0:
             raise CheckpointError(f"{self.path}: expected rows of {self.width} numbers, the checkpoint has {width!r}")
-        self._rows = rows
+        self._bytes = size
         try:
-            for numbers in self.read():
-                self._sum = _add(self._sum, numbers)
+            for _, _, words in self._read_parts():
+                self._sum = _add(self._sum, words)
         except EOFError:
-            raise self._make_damaged(f"ends before the {rows} rows of the checkpoint") from None
+            raise self._make_damaged(f"ends within the {size} bytes of the checkpoint, or is damaged") from None
         if self._sum != checksum:
-            raise self._make_damaged(f"is damaged: the checksum of its {rows} rows does not fit")
-        self._file.truncate(8 * rows * width)
+            raise self._make_damaged("is damaged: the checksum of its rows does not fit")
+        self._file.truncate(size)
         self._file.seek(0, os.SEEK_END)
 
     def _make_damaged(self, what: str) -> CheckpointError:
         return DamagedCheckpointError(self.path, f"{what}: the run cannot go on, begin it anew")
 
 
-def _add(checksum: int, numbers: Array) -> int:
+def _lay_out(rows: Array) -> Words:
+    """What a journal has of some rows (rows, width), one row at least."""
+    columns = np.asarray(rows, "<f8").T.view("<u8")
+    differs = np.zeros(8 * -(-len(columns) // 8), dtype=np.uint8)
+    differs[: len(columns)] = (columns[:, :1] != columns[:, [-1, len(rows) // 2]]).any(axis=1)
+    for place in np.flatnonzero(differs[: len(columns)] == 0):  # where these three are the same, look at all
+        differs[place] = (columns[place] != columns[place, 0]).any()
+    chosen = [column if every else column[:1] for column, every in zip(columns, differs, strict=False)]
+    return np.concatenate((np.array([len(rows)], dtype="<u8"), differs.view("<u8"), *chosen))
+
+
+def _add(checksum: int, words: Words) -> int:
     """The sum of all words modulo 2^64: a seventh of the time of a CRC-32, and another one for another run."""
-    return (checksum + int(numbers.view("<u8").sum())) % 2**64
+    return (checksum + int(words.sum())) % 2**64

@@ -57,7 +57,7 @@ class RowJournal(Protocol):
         """Add rows (rows, width)."""
 
     def read(self) -> Iterator[Array]:
-        """All rows so far, some thousand at a time."""
+        """All rows so far, some thousand at a time, each of (rows, width)."""
 
 
 @runtime_checkable

@@ -15,7 +15,9 @@ from time import perf_counter_ns
 import numpy as np
 
 from ..checkpoint.state import Stateful
+from ..clock import ends_at
 from ..compiled import CompiledLoop
+from ..errors import SlaveEnded
 from ..faults.effects import EffectGroup
 from ..fmu_instance import FmuInstance, keep_states, release_states
 from ..plan import Operation, Plan
@@ -70,6 +72,7 @@ class IteratedLoop:
         plan = Plan(tuple(map(tuple, ranges)), wires.step)
         self._laps = None if stopwatch is None else stopwatch.begin(plan)
         self._steps = CompiledLoop(plan, parts.rows, self._laps, is_led=True)
+        self._ended: dict[int, SlaveEnded] = {}  # by the number of a range, at the end of the step
         for column in parts.run_columns.own:  # those of a loop that has been cut stay 0
             values, place = parts.rows.find_place(column.port)
             values[place] = 0.0
@@ -86,12 +89,23 @@ class IteratedLoop:
             steps.run_range(0, time)
             for ranges, loop in self._groups:
                 if loop is not None:
-                    loop.solve(partial(steps.run_range, ranges[0], time), time)
+                    loop.solve(partial(self._run_range, ranges[0], time), time)
                 else:
-                    steps.run_range(ranges[phase], time)
+                    self._run_range(ranges[phase], time)
             self._rows.store_latest()
             if self._laps is not None:
                 self._laps.note_step(perf_counter_ns() - began, time)
+            for ended in self._ended.values():
+                raise ended
+
+    def _run_range(self, number: int, time: float) -> None:
+        self._ended.pop(number, None)  # in a loop the FMUs have been set back
+        try:
+            self._steps.run_range(number, time)
+        except SlaveEnded as ended:
+            if not ends_at(ended, time + self._step, self._step):
+                raise
+            self._ended[number] = ended
 
     def count_rows(self) -> int:
         """See :class:`..compiled.StepLoop`."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..checkpoint.state import State, Stateful, copy_into
 from ..compiled import CompiledLoop, StepLoop
+from ..errors import SlaveEnded
 from ..fmu_instance import FmuInstance, keep_states, release_states
 from ..rows import Array, Rows
 from ..stopwatch import Stopwatch
@@ -85,10 +86,13 @@ class EstimatingLoop:
         finally:
             rows.filled = filled
             release_states(states)
-        if refined is None or not _make_step(self._whole[0], rows, time, interrupted):
+        if refined is None:
             return False
-        self._store(refined)
-        return True
+        try:
+            return _make_step(self._whole[0], rows, time, interrupted)
+        finally:
+            if rows.filled > filled:  # also where an FMU has ended the simulation with this step
+                self._store(refined)
 
     def _make_halves(self, time: float, interrupted: c_int) -> Array | None:
         """The outputs behind them; None if they were interrupted."""
@@ -96,8 +100,12 @@ class EstimatingLoop:
         filled, middle = rows.filled, time + 0.5 * self._step
         for begin in (time, middle):
             rows.filled = filled
-            if not _make_step(loop, rows, begin, interrupted):
-                return None
+            try:
+                if not _make_step(loop, rows, begin, interrupted):
+                    return None
+            except SlaveEnded:  # the whole step says so again
+                if begin == time or rows.filled == filled:
+                    raise
         return rows.real.values.copy()
 
     def _store(self, refined: Array) -> None:

@@ -31,8 +31,11 @@ static int later_get(Client *c, Kind kind, const fmi2ValueReference *references,
     const int status = settle_batch(c);
     if (c->fate != ALIVE)
         return fmi2Fatal;
-    if (status > fmi2Warning || status < fmi2OK)
+    if (status > fmi2Warning || status < fmi2OK) {
+        forget_reads(c); /* they were not carried out */
+        c->n_read = 0;
         return status;
+    }
     const Learnt *read = &c->learnt[c->n_read];
     if (c->n_read < c->n_learnt && c->complete && read->kind == kind && read->n == n
         && memcmp(read->references, references, n * sizeof *references) == 0) {
