@@ -13,7 +13,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from statistics import NormalDist
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -289,12 +288,16 @@ class Worth:
         In a record in which the slow part is small its variance is small as well, so that the two errors add up.  The
         bound of a mean of k squares lies sqrt(k / 2) (k / chi^2_{1 - gamma}(k) - 1) standard deviations above it.
         """
+        if self.slowest >= self.independent:
+            return self.independent
         reach = _reach(self.independent, confidence) / _reach(self.slowest, confidence)
         return max(1.0, self.independent * min(1.0, reach) ** 2)
 
 
 def _reach(squares: float, confidence: float) -> float:
     """See :meth:`Worth.count_ranks`; chi-square by E. B. Wilson and M. M. Hilferty, which needs no scipy."""
+    from statistics import NormalDist
+
     part = 2.0 / (9.0 * squares)
     share = (1.0 - part + NormalDist().inv_cdf(1.0 - confidence) * math.sqrt(part)) ** 3
     return math.sqrt(0.5 * squares) * (1.0 / max(share, 1e-3) - 1.0)

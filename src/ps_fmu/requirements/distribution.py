@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..pointing.confidence import Statement, Worth, find_kurtosis, find_rank, state_rms, weigh_share
+from ..pointing.confidence import SEEN_AT, Statement, Worth, find_kurtosis, find_rank, state_rms, weigh_share
 from ..reduction.moments import LogarithmicBins, Totals
 from ..results.observers.observer import State, check_array
 
@@ -52,6 +52,7 @@ class Distribution:
         self._totals = Totals()
         self._chosen = _choose_places(expected, kept or KEPT)
         self._series: list[Array] = []
+        self._worth: dict[tuple[int, float], Worth] = {}
 
     def add(self, values: Array) -> None:
         """Add values (n,), finite; their magnitudes count."""
@@ -123,8 +124,11 @@ class Distribution:
         return self.value(find_rank(self.count, probability))
 
     def weigh_share(self, probability: float) -> Worth:
-        """What the values are worth for their quantile, see :func:`.weigh_share`."""
-        return weigh_share(np.concatenate(self._series), probability)
+        """What the values are worth for their quantile, see :func:`.weigh_share`.  To find it takes 3 ms."""
+        key = self.count, min(probability, SEEN_AT)
+        if key not in self._worth:
+            self._worth[key] = weigh_share(np.concatenate(self._series), probability)
+        return self._worth[key]
 
     def state_rms(self, confidence: float) -> Statement:
         """RMS of all values with its bound, see :func:`.state_rms`."""
