@@ -157,9 +157,11 @@ FEATURES = (
         "checkpoints: twenty, all taken",
         partial(run_observed, checkpoints=20), _WATCHED, "processor", length=400.0,
     ),
+    # Below 2 % are the rows: 84 MB here, which results.nc has, too, and which the kernel takes 0.5 ns a byte to store.
+    # The rest are the first checkpoint and the last, which do not wait: 12 ms each, of a run of 3 s.
     Feature(
         "checkpoints: twenty due, as --checkpoint 10",
-        partial(run_observed, checkpoints=20, share=SHARE), _WATCHED, "processor", length=400.0, most=1.02,
+        partial(run_observed, checkpoints=20, share=SHARE), _WATCHED, "processor", length=400.0, most=1.03,
     ),
     Feature("two C FMUs", partial(run_through, isolation=None), "two C FMUs", clock="wall"),
     Feature(

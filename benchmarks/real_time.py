@@ -95,7 +95,8 @@ LIMITS = (
     # needs such FMUs in real time lets them run one step ahead.
     Limit("longest single step, us", partial(_find_most, "longest", lambda n: not (n in NOISY or "slew" in n)), 100.0),
     Limit("longest single step with random numbers, us", partial(_find_most, "longest", NOISY.__contains__), 200.0),
-    Limit("us per step of a slew", partial(_find_most, "mean", lambda name: "slew" in name), 3.0),
+    # The plant is linearised again each 0.07 s, by differences: three models in 1.5 ms.
+    Limit("us per step of a slew", partial(_find_most, "mean", lambda name: "slew" in name), 3.5),
     Limit("us per step of an FMU in steady motion", partial(_find_most, "mean", STEADY.__contains__), 1.5),
 )
 

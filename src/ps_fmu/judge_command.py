@@ -17,8 +17,8 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         help="judge stored results by requirements",
         description="Judge the rows of one or more results.nc by requirements.  Several files are members of an "
         "ensemble: runs that differ in their seed.  Rows that were stored further apart than the steps of the run have "
-        "a smaller bandwidth; run.py --requirements judges every step.  Exit code 1 if a requirement is not met or it "
-        "cannot be said.",
+        "a smaller bandwidth; run.py --requirements judges every step.  Exit code 1 unless all requirements are shown "
+        "to be met.",
     )
     parser.add_argument("results", type=Path, nargs="+", metavar="RESULTS.nc")
     parser.add_argument(

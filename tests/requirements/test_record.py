@@ -84,6 +84,7 @@ def test_signals_by_the_names_of_vectors(require, change, labels):
     [
         ({"signal": "plant.rotaton.x"}, "signal: there is no output 'plant.rotaton.x'; did you mean plant.rotation.x"),
         ({"signal": "plant.rotaton"}, "signal: there is no output 'plant.rotaton'; did you mean plant.rotation"),
+        ({"signal": "plant.legs"}, "signal: there is no output 'plant.legs'; did you mean plant.leg, "),
         ({"signal": "plant"}, "signal: there is no output 'plant'"),
         ({"signal": "commander.reachable"}, "signal: commander.reachable is of the type Boolean: expected a Real"),
         ({"signal": "plant.los"}, "limit: plant.los.x: 'urad' does not fit the unit 'm'"),

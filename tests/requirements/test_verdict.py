@@ -77,10 +77,10 @@ def test_too_few_independent_samples_say_how_long_to_run(record, white):
 
 
 def test_a_large_margin_is_a_verdict(record, white):
-    """4.5 RMS bound the 95 % quantile of any signal; the RMS of ten windows is known to a factor."""
+    """2.8 RMS bound the 95 % quantile; the RMS of ten windows is known to a factor."""
     verdict = decide(record(1e-8 * white(1001)[:, 0], index="MPE", at=None))
-    assert verdict.answer is Answer.MET and verdict.statement.method == "Chebyshev's inequality"
-    assert verdict.remark.startswith("the bound is wide, by Chebyshev's inequality; ")
+    assert verdict.answer is Answer.MET and verdict.statement.method == "Markov's inequality"
+    assert verdict.remark.startswith("the bound is wide, by Markov's inequality; ")
     drifting = 1e-9 * np.linspace(1.0, 2.0, 1001)  # one independent sample, 250 times the margin
     assert decide(record(drifting, **APE)).answer is Answer.MET
 
@@ -178,7 +178,7 @@ def test_too_few_runs(record, white, interpretation, runs, problem):
 def test_five_runs_bound_by_their_mean_square(record, white):
     runs = [record(1e-8 * white(21, seed)[:, 0], **APE, interpretation="ensemble") for seed in range(5)]
     verdict = decide(*runs)
-    assert (verdict.answer, verdict.statement.method) == (Answer.MET, "Chebyshev's inequality")
+    assert (verdict.answer, verdict.statement.method) == (Answer.MET, "Markov's inequality")
     assert verdict.remark.endswith("45 runs with different seeds are needed, there are 5")
 
 

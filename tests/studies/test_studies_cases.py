@@ -8,6 +8,7 @@ import re
 import signal
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import psutil
@@ -23,14 +24,15 @@ from ps_fmu.studies.case_runner import CaseRunner
 from ps_fmu.studies.observed import IndexRecord, find_signals
 from ps_fmu.studies.rows import DONE, FAILED, KILLED, LATE, StartError, VersionError
 from ps_fmu.studies.study import Observed
-from ps_fmu.studies.worker import CaseProcess
+from ps_fmu.studies.worker import CaseProcess, run_batch
 
 GAIN = {"toy.gain": 1.5}
 
 
 def test_an_output_of_this_name_is_no_vector():
     """As in requirements; a vector without its ``.x`` or ``_1`` has its components."""
-    columns = [Column(f"a.{name}", "m/s", "Real", "") for name in ("speed", "speed_2", "leg_1", "leg_2", "v.x", "v.y")]
+    names = ["speed", "speed_2", "leg_1", "leg_2", "v.x", "v.y", "leg_1_late", "v.x.y"]
+    columns = [Column(f"a.{name}", "m/s", "Real", "") for name in names]
     assert find_signals(Observed(signal=Names(["a.speed"])), columns) == {"a.speed": 0}
     assert find_signals(Observed(signal=Names(["a.leg", "a.v"])), columns) == {
         "a.leg_1": 2, "a.leg_2": 3, "a.v.x": 4, "a.v.y": 5
@@ -190,10 +192,16 @@ def test_a_case_that_hangs_is_ended(run_cases):
     assert [row["status"] for row in rows] == [DONE, LATE, DONE]
 
 
-def test_a_case_that_takes_all_memory_is_ended(run_cases):
-    rows = run_cases([GAIN, {**GAIN, "toy.mode": "eat"}, GAIN], memory_bytes=500_000_000)
+def test_a_case_that_takes_all_memory_of_a_worker_is_ended(make_prepared, tmp_path, monkeypatch):
+    """What the worker itself does not need is shared by its threads, here two with 400 MB each."""
+    here = SimpleNamespace(name="here", local_directory=tmp_path, state=SimpleNamespace(nthreads=2))
+    monkeypatch.setattr("distributed.get_worker", lambda: here)
+    prepared = make_prepared(changes={'"0.1 s"': '"0.12 s"'})  # this process has not unpacked it
+    here.memory_manager = SimpleNamespace(memory_limit=psutil.Process().memory_info().rss + 800_000_000)
+    rows = run_batch(prepared.bundle, list(enumerate([GAIN, {**GAIN, "toy.mode": "eat"}, GAIN])), None).rows
     assert [row["status"] for row in rows] == [DONE, KILLED, DONE]
-    assert "more than the 500 MB of memory" in rows[1]["error"]
+    (left,) = map(int, re.findall(r"more than the (\d+) MB of memory that are left for it: ", rows[1]["error"]))
+    assert abs(left - 400) < 20
 
 
 def test_a_process_that_somebody_else_ends_does_not_cost_the_case(folder, run_cases, tmp_path):

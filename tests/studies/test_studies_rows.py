@@ -5,7 +5,7 @@ import sqlite3
 import pytest
 
 from ps_fmu.studies.bundle import Bundle
-from ps_fmu.studies.rows import FILE, SIGNALS, RowStore, write_durably
+from ps_fmu.studies.rows import FAILED, FILE, KILLED, SIGNALS, RowStore, list_reasons, write_durably
 from ps_fmu.studies.sweep import remove_leftovers
 
 from .conftest import list_missing
@@ -117,3 +117,18 @@ def test_files_that_cannot_all_be_unpacked_leave_none(tmp_path):
     with pytest.raises(OSError, match="task"):
         Bundle.of({"task": b"", "task/more": b""}).unpack(tmp_path)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_errors_that_differ_in_numbers_or_folders_have_one_reason():
+    texts = [
+        *(f"delay: {delay:.6g} s is no multiple of 0.0001 s\n in /tmp/study_{n}/fmus/0/A.fmu" for n, delay in
+          ((0, 0.00282833), (1, -1.5e-05), (2, 3.0))),
+        "delay: 1 s is no multiple of 0.0001 s\n in /tmp/study_9/fmus/0/B.fmu",
+        "fmi2Error at 1 s", "fmi3Error at 1 s", "x" * 1000,
+    ]  # fmt: skip
+    lines = list_reasons([(7 + n, FAILED, text) for n, text in enumerate(texts)] + [(20, KILLED, texts[0])])
+    first = "3 failed, as case 7: delay: 0.00282833 s is no multiple of 0.0001 s in /tmp/study_0/fmus/0/A.fmu"
+    assert lines[0] == first
+    assert lines[1].endswith("B.fmu") and lines[2] == "1 failed, as case 11: fmi2Error at 1 s"
+    assert lines[3:] == ["3 for 3 other reasons"]
+    assert list_reasons([]) == []

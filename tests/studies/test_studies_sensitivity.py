@@ -119,7 +119,7 @@ def test_intervals_of_shares_hold_the_known_ones_as_often_as_they_say(make_plan,
             stated[place] += share is not None
             held[place] += share is not None and share.lower <= true <= share.upper
     strong = known > (0.5 if cases == 50 else 0.3)
-    assert (stated[strong] > 0.95 * studies).all()
+    assert (stated[strong] > 0.85 * studies).all()
     verify_claim(
         "study.share_interval",
         claim="90 % interval of the share of a parameter",
@@ -157,6 +157,29 @@ def test_a_study_of_noise_alone_states_no_share(make_plan, cases):
         error=max(wrong, wrong_pairs) / studies - 3.0 * math.sqrt(FALSE_SHARE / studies),
         bound=0.01,
         unit="of the studies, beyond three standard deviations of the count",
+    )
+
+
+@pytest.mark.parametrize(
+    ("kind", "function"),
+    [(UNIFORM, lambda x, z: x[:, :1] * x[:, 1:2] + 0.5 * z), (UNIFORM, lambda x, z: x[:, :1] ** 2 * z),
+     (NORMAL, lambda x, z: x[:, :1] ** 2 * z)],
+)  # fmt: skip
+def test_a_parameter_that_acts_with_others_alone_has_no_share_by_itself(make_plan, kind, function):
+    """With another parameter, or as a scale of the noise: the mean of the output does not depend on it."""
+    wrong = 0
+    for seed in range(STUDIES):
+        made = make_plan("random", 100, [kind] * 3, seed)
+        values = function(made.draws, np.random.default_rng(seed).standard_normal((100, 20)))
+        wrong += any(share is not None for one in find_influences(made, values.T) for share in one.shares)
+    verify_claim(
+        "study.acts_together_alone",
+        claim="Of a parameter that only scales the noise, or acts only with another, no share by itself is stated",
+        where="`ps-fmu sweep`: table, summary.json, study page",
+        reference="studies of 100 cases and 20 outputs; the worst: noise as the square of a normal parameter",
+        error=wrong / STUDIES,
+        bound=0.1,
+        unit="of the studies",
     )
 
 
@@ -311,13 +334,13 @@ def test_neighbours_with_other_random_numbers_are_not_compared(make_plan, plan):
 
 def test_effects_of_a_linear_function_are_the_deviations_that_its_parameters_cause(make_plan):
     """A normal and a uniform parameter of one variance have one mu*, and no case is far out."""
-    made = make_plan("morris", 20 * 4, [NORMAL, UNIFORM, [0.0, 2.0]], noisy=False)
-    (found,) = find_influences(made, (made.draws @ np.array([1.0, 1.0, -3.0]))[None])
+    made = make_plan("morris", 20 * 4, [Spread(-math.inf, math.inf, 5.0, 0.1), UNIFORM, [0.0, 4.0]], noisy=False)
+    (found,) = find_influences(made, (made.draws @ np.array([10.0, 1.0, -1.5]))[None])
     assert [spread for _, spread in found.effects] == pytest.approx([0.0] * 3, abs=1e-9)
     assert found.shapes == ("rising", "rising", "falling")
     assert found.order[0] == 2
     levels = norm.ppf([0.125, 0.375, 0.625, 0.875])
-    assert np.unique(made.draws[:, 0]) == pytest.approx(levels, rel=1e-9)
+    assert np.unique(made.draws[:, 0]) == pytest.approx(5.0 + 0.1 * levels, rel=1e-9)
     verify_claim(
         "study.effect",
         claim="Mean magnitude mu* of Morris' effects: the standard deviation that a parameter causes",

@@ -252,3 +252,25 @@ def test_gains_within_the_disk_keep_the_loop_stable_and_one_beyond_its_edge_does
     for exponents in (*random.uniform(-1.0, 1.0, (12, 3)), *random.choice([-1.0, 1.0], (6, 3))):
         assert count_with_gains(pointing, 10.0 ** (exponents * common.disk_gain_db / 20.0)) == 0
     assert count_with_gains(pointing, np.full(3, 10.0 ** ((common.gain_db + 0.02) / 20.0))) == 2
+
+
+def test_margins_that_the_readme_of_the_controller_states():
+    """At yaw 14 deg, where they are least of both buses and the orientations of Table 2."""
+    orientation = np.radians([0.0, 0.0, 14.0])
+
+    def make(ratio):
+        law = PointingLaw.from_parameters(SPLIT)
+        corners = ("crossover_frequency", "integral_frequency", "rolloff_frequency")
+        design = replace(law.loop, **{name: ratio * getattr(law.loop, name) for name in corners})
+        return PointingLoop(
+            loop_at(SPLIT, orientation, 1.5e-4), law.with_design(design).controller(orientation), TIMING
+        )
+
+    axes, common = find_margins(make(1.0)), find_loop_margins(make(1.0))
+    assert min(axis.gain_db for axis in axes) == pytest.approx(9.6, abs=0.05)
+    assert min(axis.phase_deg for axis in axes) == pytest.approx(50.7, abs=0.05)
+    assert common.gain_db == pytest.approx(7.5, abs=0.05)
+    assert common.phase_deg == pytest.approx(50.7, abs=0.05)
+    assert common.delay_s == pytest.approx(0.107, abs=5e-4)
+    assert (common.disk_gain_db, common.disk_phase_deg) == pytest.approx((6.5, 39.0), abs=0.5)
+    assert find_loop_margins(make(1.35 / 1.25)).gain_db == pytest.approx(6.0, abs=0.1)

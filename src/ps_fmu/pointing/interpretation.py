@@ -22,10 +22,11 @@ from .confidence import (
     LEAST_RUNS,
     SEEN_AT,
     Statement,
+    find_kurtosis,
     find_rank,
     quantile,
     share_out,
-    state_by_squares,
+    state_by_moments,
     state_quantile,
     state_rms,
     state_rms_of_runs,
@@ -59,7 +60,7 @@ def quantile_of_runs(
     (:func:`.confidence.weigh_share`), at a level that makes all of them hold together; how much of the ensemble the
     runs stand for is in ``ensemble_share``, (1 - confidence)^(1 / runs).  ``mixed``: the quantile of all values; order
     statistics with what the runs are worth (:func:`.confidence.weigh_runs`).  Where these are too few, the bound is
-    that of Chebyshev's inequality; over fewer than five runs there is none.
+    that of Markov's inequality; over fewer than five runs there is none.
 
     Raises ``ValueError`` for other shapes.
     """
@@ -79,7 +80,9 @@ def quantile_of_runs(
     )
     if math.isfinite(stated.bound):
         return stated
-    return state_by_squares(stated, state_rms_of_runs((magnitude**2).mean(axis=1), confidence), probability)
+    return state_by_moments(
+        stated, state_rms_of_runs((magnitude**2).mean(axis=1), confidence), find_kurtosis(magnitude), probability
+    )
 
 
 def quantile_of_peaks(peaks: ArrayLike, probability: float, confidence: float) -> Statement:
@@ -87,7 +90,7 @@ def quantile_of_peaks(peaks: ArrayLike, probability: float, confidence: float) -
     stated = quantile(peaks, probability, confidence)
     if math.isfinite(stated.bound) or len(np.asarray(peaks)) < LEAST_RUNS:
         return stated
-    return state_by_squares(stated, state_rms_of_runs(np.square(peaks), confidence), probability)
+    return state_by_moments(stated, state_rms_of_runs(np.square(peaks), confidence), find_kurtosis(peaks), probability)
 
 
 def state_pooled(
@@ -113,5 +116,5 @@ def _state_run(run: Array, probability: float, confidence: float) -> Statement:
     )  # fmt: skip
     if math.isfinite(stated.bound):
         return stated
-    squares = run**2
-    return state_by_squares(stated, state_rms(math.sqrt(float(squares.mean())), squares, confidence), probability)
+    rms = state_rms(math.sqrt(float((run**2).mean())), run**2, confidence)
+    return state_by_moments(stated, rms, find_kurtosis(run), probability)

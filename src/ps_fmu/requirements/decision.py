@@ -18,14 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..pointing.confidence import (
-    CHEBYSHEV,
     LEAST_RUNS,
+    MARKOV,
     SEEN_AT,
     Statement,
     find_rank,
     samples_needed,
     share_out,
-    state_by_squares,
+    state_by_moments,
     state_quantile,
     state_rms_of_runs,
     state_worst,
@@ -69,7 +69,7 @@ def advise(requirement: Requirement, statement: Statement, runs: int, judged_s: 
     ``runs``: how many were judged, each of ``judged_s``.
     """
     probability, confidence = requirement.probability, requirement.confidence
-    closest = math.isfinite(statement.bound) and not statement.method.startswith(CHEBYSHEV)
+    closest = math.isfinite(statement.bound) and not statement.method.startswith(MARKOV)
     if probability is None or confidence is None or closest:
         return "a longer run narrows it" if requirement.interpretation is Interpretation.TEMPORAL else "more runs do"
     if requirement.interpretation is Interpretation.TEMPORAL:
@@ -103,7 +103,7 @@ def _state_of_time(probability: float | None, confidence: float, runs: Sequence[
     each = [quantile_of_record(run, probability, together) for run in runs]
     for place, (run, one) in enumerate(zip(runs, each, strict=True)):
         if math.isinf(one.bound) and not run.is_constant:
-            each[place] = state_by_squares(one, run.state_rms(together), probability)
+            each[place] = state_by_moments(one, run.state_rms(together), run.kurtosis, probability)
     return state_worst(each, confidence)
 
 
@@ -132,8 +132,10 @@ def state_of_counts(counts: Counts, edges: Array, probability: float, confidence
     stated = state_pooled(lambda rank: float(edges[place(rank)]), total, above / each, probability, confidence)
     if math.isfinite(stated.bound):
         return stated
-    finite = np.where(np.isfinite(edges), edges, 0.0)
-    return state_by_squares(stated, state_rms_of_runs(counts @ finite**2 / each, confidence), probability)
+    mean_squares = counts @ edges**2 / each
+    whole = float(mean_squares.mean())
+    kurtosis = float(counts.sum(axis=0) @ edges**4) / total / whole**2 if whole else 0.0
+    return state_by_moments(stated, state_rms_of_runs(mean_squares, confidence), kurtosis, probability)
 
 
 def _count(runs: int) -> str:

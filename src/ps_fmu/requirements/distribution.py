@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..pointing.confidence import Statement, Worth, find_rank, state_rms, weigh_share
+from ..pointing.confidence import Statement, Worth, find_kurtosis, find_rank, state_rms, weigh_share
 from ..reduction.moments import LogarithmicBins, Totals
 from ..results.observers.observer import State, check_array
 
@@ -97,6 +97,11 @@ class Distribution:
     def rms(self) -> float:
         """Root of the mean square of all values."""
         return self.limit * math.sqrt(self._totals.squares / self.count)
+
+    @property
+    def kurtosis(self) -> float:
+        """Of the series of some values, see :func:`.find_kurtosis`."""
+        return find_kurtosis(np.concatenate(self._series))
 
     @property
     def is_constant(self) -> bool:

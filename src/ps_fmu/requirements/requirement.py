@@ -17,6 +17,7 @@ import msgspec
 from ..cosim import Column
 from ..cosim.documents import read_document
 from ..cosim.errors import SystemFileError
+from ..cosim.recording.thinner import list_own_names
 from ..cosim.structure import suggest_names
 from ..pointing.indices import (
     AbsoluteError,
@@ -247,13 +248,9 @@ def find_members(signal: str, places: dict[str, int]) -> dict[str, int]:
     """The column of this name, or those of the vector: ``.x``, ``.roll`` or ``_1`` behind its name."""
     if signal in places:
         return {signal: places[signal]}
-    if "." not in signal:  # a component is no vector
-        return {}
-    member = re.compile(re.escape(signal) + r"(?:\.\w+|_\d+)")
-    return {name: place for name, place in places.items() if member.fullmatch(name)}
+    return {name: place for name, place in places.items() if signal in list_own_names(name)}
 
 
 def list_names(places: dict[str, int]) -> list[str]:
     """All names that :func:`find_members` finds something for, as suggestions."""
-    vectors = {name[: match.start()] for name in places if (match := re.search(r"(?:\.\w+|_\d+)$", name))}
-    return [*places, *sorted(name for name in vectors if "." in name)]
+    return list(dict.fromkeys(own for name in places for own in list_own_names(name)))

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from enum import StrEnum
 
-from ..pointing.confidence import CHEBYSHEV, Statement
+from ..pointing.confidence import MARKOV, Statement
 from ..pointing.interpretation import Interpretation
 from ..results.tables import Table
 from .decision import advise, state
@@ -143,8 +143,8 @@ def judge(requirement: Requirement, case: str, runs: Sequence[RequirementRecord]
                 side = "below" if stated.value <= target.limit else "above"
                 advice = advise(requirement, stated, len(runs), judged_s)
                 why = f"the value is {side} the limit, which its interval holds; {advice}"
-        elif answer is Answer.MET and stated.method.startswith(CHEBYSHEV):
-            why = f"the bound is wide, by {CHEBYSHEV}; {advise(requirement, stated, len(runs), judged_s)}"
+        elif answer is Answer.MET and stated.method.startswith(MARKOV):
+            why = f"the bound is wide, by {MARKOV}; {advise(requirement, stated, len(runs), judged_s)}"
         verdicts.append(Verdict(requirement, case, target.label, answer, target.limit, stated, why, rows))
     return verdicts
 

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import math
 import re
@@ -25,7 +24,7 @@ from ..cosim.checkpoint.checkpoints import Checkpoints
 from ..cosim.checkpoint.files import CheckpointFolder
 from ..cosim.checkpoint.state import CheckpointError
 from ..cosim.checkpoint.warm_start import WarmStart
-from ..files.plain import write_atomically
+from ..files.plain import compute_file_digest, write_atomically
 from .options import CHECKPOINTS, REPORT, RESULTS, OptionError, RunOptions, from_json, list_files, name_option, to_json
 from .scenario import find_scenario
 
@@ -165,11 +164,11 @@ def keep_run(options: RunOptions) -> Iterator[None]:
 
 
 def write_run(options: RunOptions) -> None:
-    """Note what runs in an output folder.  Raises OSError."""
+    """Note what runs in an output folder.  Raises OSError, and SystemFileError for a file of the run that is gone."""
     (options.output / CHECKPOINTS).mkdir(parents=True, exist_ok=True)
     document = {
         "format": FORMAT, "package": __version__, "complete": False, "scenario": options.scenario.name,
-        "options": to_json(options), "files": {str(path): _hash(path) for path in list_files(options)},
+        "options": to_json(options), "files": {str(path): compute_file_digest(path) for path in list_files(options)},
     }  # fmt: skip
     _write(options.output, document)
 
@@ -198,7 +197,7 @@ def read_run(output: Path) -> RunOptions:
         if scenario is None:
             raise OptionError(f"--resume: there is no scenario {document['scenario']!r} any longer")
         for path, sha256 in files.items():
-            if not path.is_file() or _hash(path) != sha256:
+            if not path.is_file() or compute_file_digest(path) != sha256:
                 raise OptionError(f"--resume: {path} is not as it was when the run began: run it anew")
         return replace(from_json(document["options"], scenario, output), resume=True)
     except OptionError:
@@ -240,8 +239,3 @@ def _read(output: Path) -> dict[str, Any]:
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         raise OptionError(f"--resume: {path} is damaged, or of another version of ps_fmu")
     return document
-
-
-def _hash(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -24,7 +24,7 @@ from .stored_rows import finish_file
 class Done:
     """A run whose results are all written."""
 
-    missed: Sequence[str]  # requirements that are not met, or of which it cannot be said
+    missed: Sequence[str]  # requirements that are not shown to be met
     refused: str  # targets that are out of reach
 
     @property
@@ -142,7 +142,7 @@ def list_missed(system: RunSystem, findings: Findings) -> list[str]:
     """Requirements that are not met, of the user and of the scenario: a text for each group."""
     verdicts = system.judge.conclude()
     missed = [] if all(verdict.met for verdict in verdicts) else [f"requirements: {summarise(verdicts)}"]
-    if own := [verdict for verdict in findings.verdicts if verdict.met is False]:
+    if own := [verdict for verdict in findings.verdicts if verdict.answer == Answer.NOT_MET.value]:
         count = f"{len(own)} of {len(findings.verdicts)}"
         missed.append(f"{count} requirements of the scenario are not met: {own[0].requirement}")
     return missed
@@ -163,7 +163,7 @@ def show_verdict(found: Verdict) -> VerdictRow:
         limit=limit,
         margin=margin,
         confidence="-" if sure is None else f"below {bound} with {100.0 * sure:g} %" if bound != "-" else "no bound",
-        met=None if found.answer is Answer.OPEN else found.met,
+        answer=found.answer.value,
     )
 
 

@@ -202,9 +202,14 @@ def make_rows(comparison: Comparison) -> list[tuple[str, ...]]:
     first = format_angles(comparison.orientation_deg)
     columns = zip(comparison.rms_passive, comparison.rms_active, comparison.rejection, strict=True)
     return [
-        (first if axis == "x" else "", axis, f"{passive:.3e}", f"{active:.3e}", format_number(rejection, ".2f"))
+        (first if axis == "x" else "", axis, f"{passive:.3e}", f"{active:.3e}", _show(rejection))
         for axis, (passive, active, rejection) in zip(AXES, columns, strict=True)
     ]
+
+
+def _show(rejection: float) -> str:
+    """A rejection, percent; one below zero is none."""
+    return f"none: {1.0 - 0.01 * rejection:.3g} x" if rejection < 0.0 else format_number(rejection, ".2f")
 
 
 INDEX_HEADER = (

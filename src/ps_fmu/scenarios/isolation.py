@@ -7,6 +7,7 @@ from functools import partial
 from ..results.tables import Table, format_angles
 from ..runs.publish import Findings
 from ..runs.run import Run
+from .amplification import explain_worse
 from .comparison import (
     CASES,
     HEADER,
@@ -34,6 +35,8 @@ def find(run: Run) -> Findings:
     if run.only:
         return describe_alone([outcome for outcome, _ in runs], system.indices)
     found = compare(target, runs)
+    if worse := explain_worse(found, system, run.options):
+        system.warnings.add(worse)
     table = Table("Jitter of the payload: rotation by vibration, axes of P", HEADER, make_rows(found))
     rise = system.get_number("disturbance.rise_time")
     text = [
@@ -45,7 +48,7 @@ def find(run: Run) -> Findings:
     return Findings(
         title=f"Isolation at {format_angles(found.orientation_deg)} deg",
         printed=table.to_text(),
-        text=[refused, *text] if refused else text,
+        text=[*filter(None, (refused, worse)), *text],
         tables=[table],
         tabulate=lambda: [make_index_table(found, system.indices)],
         outcomes=found.outcomes,

@@ -209,9 +209,8 @@ class OrientationRequirement:
     def show(self) -> VerdictRow:
         """As a row at the head of the report."""
         _, isolator, _, error, limit, margin = self.as_row()
-        met = None if self.answer is Answer.OPEN else self.answer is Answer.MET
         name = f"{self.what} less target, {SETTLE_S:g} s after the profile, isolator {isolator}"
-        return VerdictRow(name, f"{error} deg", f"{limit} deg", margin, "-", met)
+        return VerdictRow(name, f"{error} deg", f"{limit} deg", margin, "-", self.answer.value)
 
     def as_row(self) -> tuple[str, ...]:
         """What, isolator, answer, error and limit (deg), margin."""

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from ..cosim import Column
 from ..pointing.confidence import Statement, quantile
-from ..pointing.interpretation import Interpretation
+from ..pointing.interpretation import Interpretation, quantile_of_peaks
 from ..requirements.decision import Pool
 from ..requirements.requirement import Requirement, find_targets
-from ..requirements.verdict import Answer
+from ..requirements.verdict import Answer, decide
 from .bundle import PLAN
 from .observed import find_signals, label_index
 from .plan import Plan
@@ -285,7 +285,7 @@ def state_over_cases(outcome: Outcome, output: Output) -> Statement | None:
         return outcome.pooled.get(output.name)
     if requirement.interpretation is Interpretation.ENSEMBLE:
         assert requirement.probability is not None  # of a quantile
-        return quantile(values, requirement.probability, requirement.confidence)
+        return quantile_of_peaks(values, requirement.probability, requirement.confidence)
     bounds = np.asarray(outcome.table[output.name.removesuffix("value") + "bound"], dtype=float)
     return Statement(
         value=float(values.max()), confidence=requirement.confidence, lower=-math.inf, upper=math.inf,
@@ -297,12 +297,11 @@ def state_over_cases(outcome: Outcome, output: Output) -> Statement | None:
 def _answer(pooled: Statement, limit: float, answers: Sequence[str]) -> Answer:
     """Whether a requirement is met over all cases; a temporal one, if it is in each of them."""
     if pooled.ensemble_share is not None:
-        if Answer.NOT_MET.value in answers:
-            return Answer.NOT_MET
-        return Answer.MET if set(answers) == {Answer.MET.value} else Answer.OPEN
-    if pooled.bound <= limit:
-        return Answer.MET
-    return Answer.OPEN if math.isinf(pooled.bound) and pooled.lower <= limit else Answer.NOT_MET
+        if set(answers) == {Answer.MET.value}:
+            return Answer.MET
+        worse = (Answer.NOT_MET, Answer.OPEN)
+        return next((one for one in worse if one.value in answers), Answer.NOT_SHOWN)
+    return decide(pooled, limit)
 
 
 def find_worst(outcome: Outcome, most: int = WORST) -> list[tuple[int, float, Output]]:

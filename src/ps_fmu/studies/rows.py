@@ -99,10 +99,6 @@ class RowStore:
         """The status of each case that has a row."""
         return {row["case"]: row["status"] for row in self.read()}
 
-    def read_failed(self) -> list[tuple[int, str, str]]:
-        """Case, status and error of each row that is not done."""
-        return [(row["case"], row["status"], row["error"]) for row in self.read() if row["status"] != DONE]
-
     def read_table(self) -> Any:
         """All rows as a ``pyarrow.Table``, without histograms, which are some kilobytes a case; None without rows.
 

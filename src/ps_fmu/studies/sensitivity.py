@@ -25,7 +25,7 @@ class Influence:
     """Of the factors on an output; tuples have an entry for each factor."""
 
     shares: tuple[Estimate | None, ...] = ()
-    """Of the variance, that each explains by itself; None: not above the noise floor, or too few cases."""
+    """Of the variance, that each explains by itself; None: not shown to be above chance, or too few cases."""
     shapes: tuple[str, ...] = ()
     """How the output depends on each whose share or effect is stated: ``rising``, ``least near 3.1e5 N/m``."""
     floor: float | None = None
@@ -64,11 +64,11 @@ class Influence:
         with_others = "" if total is None else f"{_percent(total)} with others"
         if share is not None:
             return ", ".join(filter(None, (_percent(share), self.shapes[place], with_others)))
-        return f"below the noise floor, {with_others}" if total and total.lower > (self.floor or 0.0) else ""
+        return f"by itself not above chance, {with_others}" if total and total.lower > (self.floor or 0.0) else ""
 
     def describe_floor(self) -> str:
         """What is said of a share that chance explains, too; nothing where shares are exact, or there are none."""
-        return "" if self.floor is None else f"not above the noise floor, {_number(self.floor)} %"
+        return "" if self.floor is None else f"not shown to be above chance (noise floor {_number(self.floor)} %)"
 
     def describe_left(self, plan: Plan) -> str:
         """What no factor explains by itself, and why not; nothing where that is not known."""
@@ -179,13 +179,11 @@ def find_shares(plan: Plan, values: Array) -> list[Influence | None]:
 def _state_influence(plan: Plan, sample: Sample, column: int, level: float, pair_level: float) -> Influence:
     """Of the factors on one output; ``level``: of the test of a share, ``pair_level``: of that of a pair."""
     y = sample.centred[:, column]
-    shares: list[Estimate | None] = []
-    shapes = []
-    for place, (factor, own) in enumerate(zip(plan.factors, sample.bases, strict=True)):
-        share = estimate_share(own, y) if sample.chances[column, place] <= level else None
-        shares.append(share if share is not None and share.lower > 0.0 else None)
-        known = shares[-1]
-        shapes.append("" if known is None else describe_shape(factor, sample.draws[:, place], y, known.value))
+    shares = [sample.estimate(place, column, level) for place in range(len(plan.factors))]
+    shapes = [
+        "" if share is None else describe_shape(factor, draws, y, share.value)
+        for factor, draws, share in zip(plan.factors, sample.draws.T, shares, strict=True)
+    ]
     left = None
     if sample.joint.shape[1]:
         sums = estimate_share(sample.joint, y)

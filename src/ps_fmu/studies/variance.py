@@ -5,8 +5,8 @@ y it explains by itself.  It is estimated from the cases as they are: E[y | x] i
 cubic spline over the draws or a mean for each level, of some n^0.4 degrees of freedom, and the share is the adjusted
 coefficient of determination (E. Plischke, E. Borgonovo, C. L. Smith, Global sensitivity measures from given data,
 Eur. J. Oper. Res. 226 (2013) 536-550).  Its **interval** is the jackknife's, of log(1 - share): leaving out a case
-has a closed form.  What a factor without influence reaches by chance is below the **noise floor**: tests of F and
-of Wald, with the rate of false discoveries of Benjamini and Hochberg over all outputs and factors.
+has a closed form.  What a factor without influence reaches by chance is below the **noise floor**: F tests and
+Wald's, with the rate of false discoveries of Benjamini and Hochberg over all outputs and factors.
 
 RBD-FAST of SALib estimates the same index without a floor.  Of 60 studies of 200 cases its 90 % intervals held the true
 share in each, and 72 % of those of a share of 0.13 reached down to 0.
@@ -92,6 +92,17 @@ class Sample:
         found = [_find_chances(self.multiply(i, j), self.rests, self.joint) for i, j in self.list_pairs()]
         return np.column_stack(found) if found else np.empty((len(self.outputs), 0))
 
+    def estimate(self, place: int, column: int, level: float) -> Estimate | None:
+        """Share of the variance of an output that a factor explains; None: not shown to be above chance.
+
+        It is if its test says so at a ``level``, and the jackknife, which allows for a variance that depends on the
+        factor, with a probability of a false share of its own.
+        """
+        own, y = self.bases[place], self.centred[:, column]
+        if not self.chances[column, place] <= level or estimate_share(own, y, 1.0 - 2.0 * FALSE_SHARE).lower == 0.0:
+            return None
+        return estimate_share(own, y)
+
     def estimate_pair(self, i: int, j: int, column: int) -> Estimate:
         """Share of the variance of an output that two factors explain together, beyond sums."""
         return _estimate_pair(self.joint, self.multiply(i, j), self.centred[:, column])
@@ -134,12 +145,12 @@ def _orthonormalise(columns: Array, scale: float = 0.0) -> Array:
     return np.asarray(left[:, sizes > 1e-9 * max(sizes.max(initial=0.0), scale * math.sqrt(len(columns)))])
 
 
-def estimate_share(own: Array, values: Array) -> Estimate:
+def estimate_share(own: Array, values: Array, confidence: float = CONFIDENCE) -> Estimate:
     """Share of the variance of values (n,), of mean 0, that orthonormal columns (n, k) explain, with its interval."""
     from scipy.stats import t
 
     unexplained, without = _leave_out(own, values)
-    margin = _find_deviation(np.log(without)) * float(t.ppf(0.5 + 0.5 * CONFIDENCE, len(own) - own.shape[1] - 1))
+    margin = _find_deviation(np.log(without)) * float(t.ppf(0.5 + 0.5 * confidence, len(own) - own.shape[1] - 1))
     low, high = unexplained * math.exp(-margin), unexplained * math.exp(margin)
     return Estimate(1.0 - unexplained, max(0.0, 1.0 - high), 1.0 - low)
 
@@ -180,7 +191,7 @@ def _find_chances(own: Array, rests: Array, given: Array) -> Array:
     """(m,): probability that columns (n, k) explain as much of rests (n, m) that have nothing to do with them.
 
     The larger of two: of the F test, and of Wald's with the covariance HC3, which outliers and a variance that depends
-    on the factor mislead less (J. G. MacKinnon, H. White, J. Econom. 29 (1985) 305-325).  NaN: too few cases.
+    on the factor mislead less (J. G. MacKinnon, H. White, J. Econom. 29 (1985) 305-325).  NaN: no test.
     ``given``: columns (n, g) that the rests are free of.
     """
     from scipy.stats import f
@@ -190,6 +201,7 @@ def _find_chances(own: Array, rests: Array, given: Array) -> Array:
     if k == 0 or degrees < 2:
         return np.full(outputs, np.nan)
     total, moments = (rests**2).sum(axis=0), own.T @ rests
+    total[total == 0.0] = np.nan  # constant: no test
     explained = (moments**2).sum(axis=0)
     ratio = explained / np.maximum(total - explained, ROUNDING * total) * degrees / k
     left = (rests - own @ moments) / (1.0 - _find_leverage(own, given))[:, None]

@@ -183,10 +183,10 @@ def select_names(names: Iterable[str], patterns: Sequence[str]) -> list[str]:
 
 def matches(name: str, pattern: str) -> bool:
     """Whether a pattern stands for a name, or for that of its vector."""
-    return any(one == pattern or fnmatchcase(one, pattern) for one in _list_own_names(name))
+    return any(one == pattern or fnmatchcase(one, pattern) for one in list_own_names(name))
 
 
-def _list_own_names(name: str) -> Iterator[str]:
+def list_own_names(name: str) -> Iterator[str]:
     """``plant.los.x`` and ``plant.los``, ``plant.leg_force_1`` and ``plant.leg_force``."""
     yield name
     for end in _ENDS:

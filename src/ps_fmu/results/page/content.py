@@ -30,7 +30,7 @@ class VerdictRow:
     limit: str  # with unit
     margin: str  # for example "23 %"
     confidence: str  # for example "95 %"
-    met: bool | None  # None: the run cannot tell
+    answer: str  # "met", "not met"; any other word: the run does not tell
 
 
 @dataclass(frozen=True, eq=False)
