@@ -1,8 +1,8 @@
 """The pointing indices of the isolation scenario at one orientation, passive and active: closed form, and the FMUs.
 
 Closed form: noise, plant, isolator and exchange as the FMUs compute them, as for budgets (:mod:`..budget`): from the
-wrench to the outputs, the exact density of the noise, and the indices of sampled data.  Of the running FMUs each index has
-the interval that is stated for it.
+wrench to the outputs, the exact density of the noise, and the indices of sampled data.  Of the running FMUs each index
+has the interval that is stated for it.
 """
 
 from __future__ import annotations
