@@ -77,7 +77,7 @@ def test_the_page_has_what_was_measured(monkeypatch):
     from write_speed import PAGE, SECTIONS, make_page
 
     record = json.loads(RECORD.read_text())
-    assert record.keys() == SECTIONS.keys() == SCRIPTS.keys()
+    assert record.keys() <= SECTIONS.keys() == SCRIPTS.keys()
     assert make_page(record) == PAGE.read_text(), "make it again: .venv/bin/python docs/write_speed.py"
     record["step_cost"]["found"]["ours_to_c_fmus"] = 1.25
     assert "| step_cost | steps of our FMUs over C FMUs | 1.25 | at most 1 | missed |" in make_page(record)
