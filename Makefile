@@ -25,7 +25,7 @@ test: lint fmus  ## what the continuous integration runs, on all processors; ARG
 
 soak: fmus  ## the tests that calls, kills, load orders and compilers make stronger, with many more of them: hours
 	PS_FMU_SOAK=1 $(BIN)/python -m pytest tests/host/test_calls.py tests/host/test_system.py tests/fmus/test_same_bits.py \
-		tests/runs/test_resume.py tests/studies/test_studies_sweep.py tests/native/test_native.py \
+		tests/runs/test_resume.py tests/studies/test_studies_sweep.py tests/studies/test_studies_sensitivity.py tests/native/test_native.py \
 		tests/trades/test_budget_runs.py $(ARGS)
 
 docs: fmus  ## the documentation as a site in build/docs; opens without a network

@@ -42,8 +42,20 @@ def test_the_points_of_sobol_indices_are_a_b_and_a_with_columns_of_b(read):
 
 def test_a_trajectory_of_morris_changes_one_factor_at_a_time(read):
     found = shares(read, "morris", 4 * 5, 3)
-    changed = (np.diff(found.reshape(5, 4, 3), axis=1) != 0.0).sum(axis=2)
-    assert (changed == 1).all()
+    steps = np.diff(found.reshape(5, 4, 3), axis=1)
+    assert ((steps != 0.0).sum(axis=2) == 1).all() and ((steps != 0.0).sum(axis=1) == 1).all()
+    assert (np.abs(steps[steps != 0.0]) == 0.5).all()
+
+
+def test_trajectories_of_morris_visit_all_levels_alike(read):
+    """In all orders, up and down: each of four levels in a quarter of the cases, within three standard deviations."""
+    found = shares(read, "morris", 4 * 1000, 3).reshape(1000, 4, 3)
+    assert np.unique(found).tolist() == [0.125, 0.375, 0.625, 0.875]
+    for level in np.unique(found):
+        assert np.abs((found == level).mean(axis=(0, 1)) - 0.25).max() < 3.0 * np.sqrt(0.25 * 0.75 / 1000)
+    steps = np.diff(found, axis=1)
+    assert np.abs((steps > 0.0).sum(axis=(0, 1)) / 1000 - 0.5).max() < 3.0 * np.sqrt(0.25 / 1000)
+    assert np.abs((steps != 0.0).mean(axis=0) - 1.0 / 3.0).max() < 3.0 * np.sqrt(2.0 / 9.0 / 1000)
 
 
 @pytest.mark.parametrize("rank", [-0.9, -0.3, 0.5, 0.8])

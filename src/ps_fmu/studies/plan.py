@@ -83,7 +83,7 @@ def make_shares(study: Study, factors: int, rng: np.random.Generator) -> Array:
             mixed[i, :, i] = B[:, i]
         return np.concatenate([A, B, *mixed])
     assert study.plan == MORRIS
-    return _draw_trajectories(study, _count_points(study, cases, factors + 1, powers=False), factors, rng)
+    return _draw_trajectories(_count_points(study, cases, factors + 1, powers=False), factors, rng)
 
 
 def join_correlations(study: Study, names: Sequence[str]) -> Array | None:
@@ -199,15 +199,14 @@ def _count_points(study: Study, cases: int, each: int, *, powers: bool) -> int:
     return lower
 
 
-def _draw_trajectories(study: Study, trajectories: int, factors: int, rng: np.random.Generator) -> Array:
-    try:
-        from SALib.sample import morris
-    except ImportError as error:
-        raise study.error("plan", "morris needs SALib: pip install 'ps-fmu[morris]'") from error
-    seed = int(rng.integers(2**31))
-    cube = {"num_vars": factors, "names": [f"x{i}" for i in range(factors)], "bounds": [[0.0, 1.0]] * factors}
-    levels = np.asarray(morris.sample(cube, trajectories, num_levels=MORRIS_LEVELS, seed=seed))
-    return np.asarray((0.5 + (MORRIS_LEVELS - 1) * levels) / MORRIS_LEVELS)
+def _draw_trajectories(trajectories: int, factors: int, rng: np.random.Generator) -> Array:
+    """Each from a random point, with every factor in turn moved by half of the levels, up or down, in random order."""
+    jump = MORRIS_LEVELS // 2
+    start = rng.integers(jump, size=(trajectories, 1, factors))
+    falls = rng.integers(2, size=(trajectories, 1, factors)) == 1
+    turn = rng.permuted(np.tile(np.arange(factors), (trajectories, 1)), axis=1)[:, None, :]
+    moved = np.arange(factors + 1)[:, None] > turn
+    return np.asarray((start + jump * (moved ^ falls) + 0.5) / MORRIS_LEVELS).reshape(-1, factors)
 
 
 @dataclass(frozen=True, eq=False)
