@@ -245,6 +245,8 @@ class Circuit:
                 continue
             moved = self._track({name: self.model.turned[name].value * (1.0 + SMALL_TURN) for name in names}, pole)
             slope = 0.0 if moved is None else (moved - pole).real / SMALL_TURN
+            if slope == 0.0:  # the pole was not found again
+                continue
             if slope > 0.0 or not names[0].endswith(("latency", "sample_time")):  # nobody makes them longer
                 slopes.append((abs(slope), "lower" if slope > 0.0 else "raise", names[0]))
         best = [
