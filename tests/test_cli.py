@@ -101,7 +101,7 @@ def test_a_working_directory_that_was_removed_is_named(tmp_path, monkeypatch, ca
 
 def analyse_with(monkeypatch, function):
     """Have ``ps-fmu analyse jitter`` call a function of its options."""
-    monkeypatch.setattr(Analysis, "load", lambda analysis: function)
+    monkeypatch.setattr(Analysis, "load", lambda analysis, **_: function)
 
 
 @pytest.mark.parametrize(("error", "code"), [(OptionError("--x"), 2), (JobError("x"), 1), (KeyboardInterrupt(), 130)])

@@ -257,11 +257,10 @@ def simulate_system(length_s: float, runs: int) -> tuple[np.ndarray, float]:
     import ps_fmu
 
     step, found = 0.005, []
-    with ps_fmu.Session("isolation") as session:
+    with ps_fmu.Session("isolation", duration=length_s + 10.0, storage_step=step) as session:
         for seed in range(1, runs + 1):
-            run = session.run(duration=length_s + 10.0, storage_step=step, seed=seed, cases=("active",))
-            case = run.dataset("active")
-            found.append(np.array([case[f"plant.payload_rotation.{axis}"].values[2001:] for axis in "xyz"]))
+            case = session.run(seed=seed, cases=("active",))["active"]
+            found.append(case["payload_rotation"].transpose("axis", "time").values[:, 2001:])
             print(f"\r{seed} of {runs} runs", end="", file=sys.stderr, flush=True)
     return np.concatenate(found, axis=1), step
 

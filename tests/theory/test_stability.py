@@ -73,6 +73,15 @@ def test_poles_in_the_right_half_plane_are_those_of_lamberts_function(gains):
             assert count_poles(characteristic, GRID, line) == np.sum(expected.real > line)
 
 
+def test_pairs_close_together_and_to_the_axis_are_counted_from_few_points():
+    """Turns alone miss them: three pairs of poles between two points of the curve turn it by a whole one."""
+    random = np.random.default_rng(8)
+    for _ in range(60):
+        gains = 0.5 * np.pi / TAU * (1.0 + 2e-3 * random.uniform(-1.0, 1.0, 3))
+        found = count_poles(lambda s, gains=gains: delayed_integrators(gains, s), np.geomspace(1e-3, 1e3, 40))
+        assert found == len(poles_by_lambert(gains))
+
+
 def test_a_real_pole_is_found_and_said():
     poles = find_unstable(lambda s: (s - 3.0) / (s + 1.0) * (s * s - 2.0 * s + 26.0) / (s + 1.0) ** 2, GRID)
     np.testing.assert_allclose(poles, [3.0, 1.0 + 5.0j, 1.0 - 5.0j], rtol=1e-8)

@@ -12,11 +12,10 @@ from support.claims import verify_claim
 from ps_fmu.cosim import Master, read_parameters, read_system
 from ps_fmu.disturbance.recording import HEADER
 from ps_fmu.interface.linear_system import Circuit, read_model
-from ps_fmu.mechanism.signals import output_slices
 from ps_fmu.pointing import AbsoluteError, RelativeError
 from ps_fmu.pointing.budget import make_budget
 from ps_fmu.results.observers.sampler import SampleObserver
-from ps_fmu.theory.sampled import step_loop
+from ps_fmu.theory.sampled import WRENCH, connect, make_plant_block
 from ps_fmu.trades.budget.results import find_edges, list_sources, select_signals
 
 SYSTEM = Path(__file__).parents[2] / "system"
@@ -305,16 +304,17 @@ def test_gaussian_noise_over_hours(built_fmus):
     source = list_sources(circuit, ("los.x", "los.y"))[1][0]
     expected = make_budget(AbsoluteError(), [source], find_edges(0.5 / h), step=h).variance
     scatter = np.sqrt(float(np.trapezoid(source.density() ** 2, source.frequency)) / duration)
-    model = step_loop(circuit.model.loop.model, None, h, np.arange(*output_slices()["los"].indices(1000)))
+    blocks, inputs = {"plant": make_plant_block(circuit.model.loop.model, h)}, [f"plant.{name}" for name in WRENCH]
+    model = connect(blocks, [], inputs, ["plant.los.x", "plant.los.y"], h)
     state, square, settled = np.zeros(len(model.A)), 0.0, round(200.0 / h)
     noise = circuit.model.disturbance.kinds["noise"].make_source(circuit.model.disturbance, 1)
     rows = settled + round(duration / h)
     for first in range(0, rows, 4000):
         for k, wrench in enumerate(noise(h * np.arange(first, min(first + 4000, rows))), first):
             if k >= settled:
-                image = model.L @ state + model.E @ wrench
+                image = model.C @ state
                 square += float(image @ image) * h / duration
-            state = model.A @ state + model.B @ wrench
+            state = state + h * (model.A @ state + model.B @ wrench)
     assert 3.0 * scatter < 0.3 * expected
     verify_claim(
         "budget.gaussian_noise",

@@ -16,10 +16,9 @@ from ps_fmu.disturbance import psd_at_origin
 from ps_fmu.disturbance.recording import HEADER
 from ps_fmu.disturbance.spectrum import gaussian_density
 from ps_fmu.interface.linear_system import SOURCE, Circuit, LinearModelError, read_model
-from ps_fmu.mechanism.signals import output_slices
 from ps_fmu.pointing import AbsoluteError, RelativeError
 from ps_fmu.pointing.budget import UncertaintyFactors, make_budget
-from ps_fmu.theory.sampled import step_loop
+from ps_fmu.theory.sampled import from_wrench_stepped
 from ps_fmu.trades.budget import report
 from ps_fmu.trades.budget.results import (
     BudgetError,
@@ -208,18 +207,16 @@ def test_two_wheels_at_one_speed_have_a_worst_phase(systems):
 
 
 def test_the_noise_reaches_beyond_its_band(systems):
-    """The passive image point against a plain sum over equal frequencies, by another way from the wrench to it.
+    """The passive line of sight against a plain sum over equal frequencies, by another way from the wrench to it.
 
     The free bus has most of its motion at the lower edge: a rectangle from 0.1 Hz on has 0.86 of this variance.
     """
     circuit = Circuit(read_model(systems["SystemStructure"]), active=False)
     shared, noise = circuit.model.disturbance, circuit.model.disturbance.kinds["noise"]
-    resonances, sources = list_sources(circuit, ("los.x", "los.y"))
+    resonances, sources = list_sources(circuit, ROTATION[:2])
     found = make_budget(AbsoluteError(), sources, find_edges(5000.0), step=1e-4, resonances=resonances)
-    places = np.arange(*output_slices()["los"].indices(10**6))
-    model = circuit.model.loop.model
     frequency = np.arange(1e-4, 3.0, 1e-4)
-    response = step_loop(model, None, 1e-4, places).response(frequency)
+    response = from_wrench_stepped(circuit.model.loop.model, None, frequency, 1e-4)[:, :2]
     psd = psd_at_origin(noise.wrench_psd_B, shared.bus.com_B)
     density = np.einsum("nsi,ij,nsj->n", response, psd, response.conj()).real
     own = density * gaussian_density(noise.band, noise.period, frequency)
@@ -230,7 +227,7 @@ def test_the_noise_reaches_beyond_its_band(systems):
     assert found.by_band[5:].sum() < 0.02 * found.variance
     verify_claim(
         "budget.noise_at_the_edges_of_its_band",
-        claim="Variance of the passive image point by band, below 0.1 Hz, too, where the noise has 14 % of it",
+        claim="Variance of the passive payload's rotation by band, below 0.1 Hz, too, where it has 14 %",
         where="`ps-fmu analyse budget`: RMS and shares of bands",
         reference="sum over equal frequencies with the generator's density, plant without the wiring of the system",
         error=np.abs(found.by_band[:5] - expected) / found.variance,

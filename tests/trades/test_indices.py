@@ -11,10 +11,11 @@ from support.claims import verify_claim
 from ps_fmu.analyses.table import AnalysisOptions
 from ps_fmu.cosim import read_system
 from ps_fmu.disturbance import multisine_lines, psd_at_origin
+from ps_fmu.interface.linear_system import SOURCE, Circuit, read_model
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.runs.options import OptionError
 from ps_fmu.trades.indices import report
-from ps_fmu.trades.indices.comparison import ORIENTATIONS, SETTLING, SIGNALS, STEP, STRIDE, list_indices, record, solve
+from ps_fmu.trades.indices.comparison import SETTLING, SIGNALS, STEP, STRIDE, list_indices, record, set_case
 
 SYSTEM = Path(__file__).parents[2] / "system" / "SystemStructure.ssd"
 SAMPLE = STEP * STRIDE
@@ -100,7 +101,8 @@ def test_lines_without_scatter(built_fmus, orientation: str, active: bool):
     p = load()
     density = psd_at_origin(p.noise.wrench_psd_B, p.bus.com_B)
     frequency, wrench = multisine_lines(density, p.noise.band, 5, period)
-    response = solve(p, ORIENTATIONS[orientation], active=active).loop.response(frequency)
+    circuit = Circuit(read_model(set_case(system, (orientation, active)), STEP), active)
+    response = circuit.respond(frequency, [name.removeprefix("plant.") for name in SIGNALS], [SOURCE])
     amplitude = np.einsum("nij,nj->ni", response, wrench)
     errors = []
     for index in list_indices((0.02, 0.1)).values():

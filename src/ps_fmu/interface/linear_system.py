@@ -33,7 +33,6 @@ from ..theory.sampled import (
     LONGEST_DELAY,
     WRENCH,
     Block,
-    SampledSystem,
     connect,
     make_coils_block,
     make_isolator_block,
@@ -271,7 +270,7 @@ class Circuit:
             return None
 
     @cached_property
-    def _opened(self) -> SampledSystem:
+    def _opened(self) -> StateSpace:
         """From the forces of :attr:`loops` to the isolator's demand, without its delay, and what the tracker sees."""
         m = self.model
         blocks = self._make_blocks(0.0)
@@ -320,8 +319,7 @@ class Circuit:
         """From inputs ``component.input`` to outputs of the plant; a state for no other output than is needed."""
         outputs = [f"{self.model.component(PLANT)}.{name}" for name in signals]
         wires = [(str(wire.source), str(wire.target)) for wire in self.model.system.connections]
-        found = connect(self.blocks, wires, inputs, outputs, self.model.step)
-        return StateSpace(found.A, found.B, found.C, found.step)
+        return connect(self.blocks, wires, inputs, outputs, self.model.step)
 
     def _find_target(self, output: str) -> str:
         """The input that an output is connected with."""

@@ -23,8 +23,8 @@ share H of the bus's rotation, and the loop the share T of what the isolator lea
     H = s^2 / (s^2 + 2 zeta w_s s + w_s^2)        T = k d / (1 + k d)
     H + (1 - H) T + (1 - H) (1 - T) = 1           third: what is left
 
-**As the FMUs step** (:func:`close_loop`), at each frequency, around a :class:`.sampled.SampledSystem`.  With theta the
-rotation that the tracker sees, f the controller's forces, w all that acts from outside and n the noise::
+**As the FMUs step** (:func:`close_loop`), at each frequency, around a wired model (:func:`.sampled.connect`).  With
+theta the rotation that the tracker sees, f the controller's forces, w all that acts from outside and n the noise::
 
     theta = G_w w + G_f f,    f = K (n - theta),    y = H_w w + H_f f
     f = K S (n - G_w w),      S = (E + G_f K)^-1

@@ -37,9 +37,9 @@ from ..mechanism.dynamics import Dynamics
 from ..mechanism.linear_model import PlantModel
 from ..mechanism.quantities import Array, Complex, ParameterError
 from ..mechanism.signals import ADDED, N_LOADS, N_OUTPUTS, OUTPUTS, output_slices
+from ..pointing.modal import StateSpace
 from ..sensors.inertial import ACCELEROMETERS, InertialSensors
 from .loop import Loop
-from .stability import UnstableError, find_growing
 from .transfer_matrices import Practical
 
 FORCES = tuple(f"fine_force_{i}" for i in (1, 2, 3))  # N
@@ -48,7 +48,6 @@ ACCELERATION = tuple(f"base_{kind}.{axis}" for kind in ("acceleration", "angular
 LONGEST_DELAY = 40  # steps that a delay line has states for; the time to solve grows with the third power of all states
 LOOP_DELAY = 1.5  # steps of delay in the loop: the exchange takes one, a force held for a step is half a step late
 _AT_ONCE = 64  # frequencies: 8 MB with the isolator
-_GONE = 1e-6  # a pole of the samples below it has died away within a step
 _FORCES, _WRENCH, _ACCELERATION = slice(0, 3), slice(3, N_LOADS), slice(0, 6)  # of the plant's inputs and outputs
 
 
@@ -84,24 +83,6 @@ class Block:
         states = np.zeros((n, line.shape[1]))
         states[:, own] = self.map[k:]
         return Block(self.inputs, self.outputs, np.vstack([mean @ line, states, line[: k * length]]))
-
-
-@dataclass(frozen=True, eq=False)
-class SampledSystem:
-    """``x[k+1] = x[k] + step (A x[k] + B u[k])``, ``y[k] = C x[k]``."""
-
-    A: Array
-    """(n, n), 1/s."""
-    B: Array
-    """(n, inputs)."""
-    C: Array
-    """(outputs, n)."""
-    step: float
-    """s."""
-    inputs: tuple[str, ...]
-    """``component.input``."""
-    outputs: tuple[str, ...]
-    """``component.output``."""
 
 
 def make_plant_block(model: PlantModel, h: float) -> Block:
@@ -166,8 +147,8 @@ def connect(
     inputs: Sequence[str],
     outputs: Sequence[str],
     h: float,
-) -> SampledSystem:
-    """One model of blocks that exchange their outputs at the ends of steps of ``h``, s.
+) -> StateSpace:
+    """One model of blocks that exchange their outputs at the ends of steps of ``h``, s; outputs are states of it.
 
     Parameters
     ----------
@@ -194,7 +175,7 @@ def connect(
     drive = np.vstack([yu[kept] @ from_outside, xu @ from_outside])
     read = np.zeros((len(outputs), len(step)))
     read[np.arange(len(outputs)), np.searchsorted(kept, wanted)] = 1.0
-    return SampledSystem((step - np.eye(len(step))) / h, drive / h, read, h, tuple(inputs), tuple(outputs))
+    return StateSpace((step - np.eye(len(step))) / h, drive / h, read, h)
 
 
 def _list_ports(blocks: Mapping[str, Block], kind: str) -> list[tuple[str, str]]:
@@ -220,73 +201,6 @@ def _count(time: float, h: float, name: str) -> int:
     if abs(time / h - count) > 1e-6:
         raise ParameterError(name, f"expected a multiple of the step of {h:g} s, got {time:g} s")
     return count
-
-
-@dataclass(frozen=True, eq=False)
-class SteppedLoop:
-    """Plant and isolator alone: ``X(k+1) = A X(k) + B w(k)``, ``y(k+1) = L X(k) + E w(k)``.
-
-    w (6,) is the wrench on the base, N, N.m, in B at its origin.
-    """
-
-    A: Array
-    """(n, n)."""
-    B: Array
-    """(n, 6)."""
-    L: Array
-    """(outputs, n)."""
-    E: Array
-    """(outputs, 6)."""
-    step: float
-    """s."""
-
-    def response(self, frequency: ArrayLike) -> Complex:
-        """From the samples of the wrench to those of the outputs, (n, outputs, 6), at frequencies (n,), Hz, above 0.
-
-        Raises :class:`.stability.UnstableError`.
-        """
-        if len(growing := find_growing(self.poles())):
-            raise UnstableError("plant and isolator as they step", growing)
-        z = np.exp(2j * np.pi * self.step * np.asarray(frequency, dtype=float))
-        return _solve(self.A, self.B, self.L, self.E, z)
-
-    def poles(self) -> Complex:
-        """Of the continuous system with the same samples, rad/s, without those that a delay has at minus infinity."""
-        values = np.linalg.eigvals(self.A)
-        return np.asarray(np.log(values[np.abs(values) > _GONE].astype(complex)) / self.step)
-
-
-def step_loop(model: PlantModel, controller: Controller | None, h: float, outputs: ArrayLike) -> SteppedLoop:
-    """Plant and isolator with a step of ``h``, s.
-
-    Parameters
-    ----------
-    model: the plant about its pose.
-    controller: of the isolator, without a delay of its own; None: it is off.
-    outputs: (m,), places among the plant's outputs (:func:`..mechanism.signals.output_slices`).
-    """
-    d, step = model.dynamics, model.step_map(h)
-    active = np.flatnonzero(d.active)
-    moving = np.concatenate([active, d.n + active])  # the states that a force moves: not the coarse legs
-    states = np.concatenate([np.arange(N_OUTPUTS), N_OUTPUTS + moving])
-    loads = model.n_states + np.arange(N_LOADS)
-    by_state, by_load = step[np.ix_(states, moving)], step[np.ix_(states, loads)]
-    by_force, by_wrench = by_load[:, _FORCES], by_load[:, _WRENCH]
-    places, n = np.asarray(outputs, dtype=np.intp), len(moving)
-    if controller is None:
-        return SteppedLoop(by_state[N_OUTPUTS:], by_wrench[N_OUTPUTS:], by_state[places], by_wrench[places], h)
-
-    # X = [x; a; f; x_c]
-    m = controller.n_states
-    control = controller.step_map(h)
-    a, f, c = slice(n, n + 6), slice(n + 6, n + 9), slice(n + 9, n + 9 + m)
-    A, B = np.zeros((n + 9 + m, n + 9 + m)), np.zeros((n + 9 + m, 6))
-    for rows, of in ((slice(0, n), slice(N_OUTPUTS, None)), (a, _ACCELERATION)):
-        A[rows, :n], A[rows, f], B[rows] = by_state[of], by_force[of], by_wrench[of]
-    A[n + 6 :, c], A[n + 6 :, a] = control[:, :m], control[:, m:]
-    L = np.zeros((len(places), len(A)))
-    L[:, :n], L[:, f] = by_state[places], by_force[places]
-    return SteppedLoop(A, B, L, by_wrench[places], h)
 
 
 def from_wrench_stepped(
@@ -317,15 +231,11 @@ def from_wrench_stepped(
 def respond(step: Array, n_states: int, z: Complex) -> Complex:
     """Outputs per input (n, outputs, inputs) at z (n,) of a step map ``[y; x](t + h) = step [x; u](t)``."""
     y, x = np.split(step, [len(step) - n_states])
-    return _solve(x[:, :n_states], x[:, n_states:], y[:, :n_states], y[:, n_states:], z)
-
-
-def _solve(xx: Array, xu: Array, yx: Array, yu: Array, z: Complex) -> Complex:
-    """(n, outputs, inputs) at z (n,) of a step map in four parts, from states and inputs to states and outputs."""
     found = [
-        (yx @ np.linalg.solve(at * np.eye(len(xx)) - xx, xu.astype(complex)) + yu) / at
+        (y[:, :n_states] @ np.linalg.solve(at * np.eye(n_states) - x[:, :n_states], x[:, n_states:].astype(complex))
+         + y[:, n_states:]) / at
         for at in np.array_split(z[:, None, None], len(z) // _AT_ONCE + 1)
-    ]
+    ]  # fmt: skip
     return np.concatenate(found)
 
 

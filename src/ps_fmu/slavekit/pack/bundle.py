@@ -81,6 +81,11 @@ def bundle(modules: Sequence[str], requirements: Sequence[str] = ()) -> Bundle:
     modules: what is imported, for example ``yaml``.
     requirements: further packages by the names of their distributions, for example ``PyYAML``.
     """
+    return _make_bundle(tuple(modules), tuple(requirements))
+
+
+@functools.lru_cache(maxsize=1)  # FMUs that are built one after the other mostly need the same; it takes 3 s
+def _make_bundle(modules: tuple[str, ...], requirements: tuple[str, ...]) -> Bundle:
     if sys.platform != "linux":
         raise BuildError("a runtime can be bundled on Linux only")
     standard = Path(sysconfig.get_path("stdlib"))

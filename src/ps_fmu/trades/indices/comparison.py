@@ -1,8 +1,8 @@
 """The pointing indices of the isolation scenario at one orientation, passive and active: closed form, and the FMUs.
 
-Closed form: noise, plant, isolator and exchange as the FMUs compute them, by :mod:`...theory.sampled` from the wrench
-to the outputs, the exact density of the noise, and the indices of sampled data.  Of the running FMUs each index has
-the interval that is stated for it.
+Closed form: noise, plant, isolator and exchange as the FMUs compute them, as for budgets (:mod:`..budget`): from the
+wrench to the outputs, the exact density of the noise, and the indices of sampled data.  Of the running FMUs each index
+has the interval that is stated for it.
 """
 
 from __future__ import annotations
@@ -11,15 +11,12 @@ import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
 from ...cosim import System, Value
-from ...disturbance import psd_at_origin
-from ...disturbance.spectrum import edge_frequencies, gaussian_density
-from ...mechanism.parameters import Array, Parameters, load
-from ...mechanism.signals import output_slices
+from ...interface.linear_system import Circuit, read_model
+from ...mechanism.quantities import Array
 from ...pointing import (
     AbsoluteError,
     DriftError,
@@ -34,13 +31,10 @@ from ...pointing import (
 )
 from ...results.observers.sampler import SampleObserver
 from ...runs.runner import compute
-from ...theory.loop import loop_at
-from ...theory.sampled import SteppedLoop, step_loop
-from ...theory.transfer_matrices import place_frequencies
+from ..budget.results import list_sources, select_signals
 
 STEP = 1e-4  # s, of communication
 STRIDE = 5  # steps from one sample to the next: the noise ends at 1000 Hz, half the rate of the samples
-PERIOD = 100.0  # s, of the noise
 WINDOWS = (0.02, 0.1, 1.0)  # s
 APART = 10  # windows, from the start of one to that of the other, of the drift error
 ORIENTATIONS: Mapping[str, tuple[float, float, float]] = {
@@ -50,8 +44,9 @@ ORIENTATIONS: Mapping[str, tuple[float, float, float]] = {
     "roll": (8.5, 0.0, 0.0),
 }
 """Those of Table 2 of the paper: roll, pitch, yaw, deg."""
-OUTPUTS = ("payload_rotation", "line_of_sight")
-SIGNALS = tuple(f"plant.{name}.{axis}" for name, axes in zip(OUTPUTS, ("xyz", "xy"), strict=True) for axis in axes)
+SIGNALS = tuple(
+    f"plant.{name}.{axis}" for name, axes in (("payload_rotation", "xyz"), ("line_of_sight", "xy")) for axis in axes
+)
 """Rotation of the payload and of its line of sight, rad, in P."""
 SETTLING = 12.0  # s: the rise of the disturbance, and 4.5 time constants of the suspension
 JOINT = 0.999  # probability with which all intervals together hold the closed form
@@ -78,26 +73,8 @@ def list_indices(windows: tuple[float, ...] = WINDOWS) -> dict[str, PointingInde
 class ClosedForm:
     """Density of the signals by the Gaussian noise, and the indices that follow."""
 
-    parameters: Parameters
-    loop: SteppedLoop
-    points: int
-    """Of the grid of frequencies, besides those around the resonances; 4000 leave an error of 2e-4 of an RMS."""
-
-    @cached_property
-    def frequency(self) -> Array:
-        """(n,), Hz: dense around the resonances, and at the lower edge of the band, where the motion is."""
-        low, high = self.parameters.noise.band
-        grid = place_frequencies(self.loop.poles(), 0.5 * low, high * (1.0 - 1e-9), self.points, 40)
-        edge = edge_frequencies(self.parameters.noise.band, PERIOD)
-        return np.unique(np.concatenate([grid, edge[edge < high]]))
-
-    @cached_property
-    def density(self) -> Array:
-        """(n, signals), one-sided, rad2/Hz."""
-        noise, G = self.parameters.noise, self.loop.response(self.frequency)
-        S = psd_at_origin(noise.wrench_psd_B, self.parameters.bus.com_B)
-        own = np.einsum("nij,jk,nik->ni", G, S, G.conj()).real
-        return np.asarray(own * gaussian_density(noise.band, PERIOD, self.frequency)[:, None])
+    frequency: Array  # (n,), Hz
+    density: Array  # (n, signals), one-sided, rad2/Hz
 
     def rms(self, index: PointingIndex) -> Array:
         """RMS (signals,), rad, of an index of the samples."""
@@ -114,15 +91,23 @@ class ClosedForm:
         return np.asarray(2.0 * duration * square**2 / variance)
 
 
-def solve(
-    parameters: Parameters, orientation_deg: tuple[float, float, float], *, active: bool, points: int = 4000
-) -> ClosedForm:
-    """The closed form at an orientation (roll, pitch, yaw), with or without the isolator."""
-    loop = loop_at(parameters, np.radians(orientation_deg))
-    slices = output_slices()
-    places = np.concatenate([np.arange(slices[name].start, slices[name].stop) for name in OUTPUTS])
-    controller = loop.controller if active else None
-    return ClosedForm(parameters, step_loop(loop.model, controller, STEP, places), points)
+def set_case(system: System, case: Case) -> System:
+    """The system at an orientation, with or without the isolator."""
+    angles = np.radians(ORIENTATIONS[case[0]]).tolist()
+    targets = {f"commander.target.{axis}": angle for axis, angle in zip(("roll", "pitch", "yaw"), angles, strict=True)}
+    return system.with_parameters({"isolator.enabled": case[1], **targets})
+
+
+def solve(system: System, case: Case, points: int = 4000) -> ClosedForm:
+    """The closed form of a case, as :mod:`..budget` makes it.
+
+    ``points``: of the grid of frequencies, besides those around the resonances; 4000 leave an error of 2e-4 of an RMS.
+    """
+    circuit = Circuit(read_model(set_case(system, case), STEP), case[1])
+    (noise,) = list_sources(circuit, [name.removeprefix("plant.") for name in SIGNALS], points)[1]
+    density = [select_signals(noise, [k]).density() for k in range(len(SIGNALS))]
+    sampled = noise.frequency < 0.5 / (STRIDE * STEP)
+    return ClosedForm(noise.frequency[sampled], np.stack(density, axis=1)[sampled])
 
 
 @dataclass(frozen=True)
@@ -162,13 +147,10 @@ def list_cases() -> list[Case]:
 
 def record(system: System, case: Case, duration: float, seed: int, values: Mapping[str, Value] | None = None) -> Array:
     """Samples (n, signals), rad, of a run of ``duration``, s, after the settling.  Raises CosimError."""
-    name, active = case
-    angles = np.radians(ORIENTATIONS[name]).tolist()
-    targets = {f"commander.target.{axis}": angle for axis, angle in zip(("roll", "pitch", "yaw"), angles, strict=True)}
-    given = {"disturbance.seed": seed, "isolator.enabled": active, **targets, **(values or {})}
+    given = {"disturbance.seed": seed, **(values or {})}
     rows = round(SETTLING / STEP) + STRIDE * np.arange(round(duration / (STRIDE * STEP)))
     samples = compute(
-        system.with_parameters(given), STEP, round((SETTLING + duration) / STEP) * STEP,
+        set_case(system, case).with_parameters(given), STEP, round((SETTLING + duration) / STEP) * STEP,
         lambda columns: SampleObserver(columns, SIGNALS, rows.tolist()), only=SIGNALS,
     )  # fmt: skip
     return samples.values(*SIGNALS)
@@ -185,12 +167,10 @@ def measure(
     """Run all cases for ``duration``, s, after the settling, and compare each index.  Raises CosimError."""
     cases = list_cases()
     confidence = 1.0 - (1.0 - JOINT) / (len(cases) * len(indices) * len(SIGNALS))
-    parameters = load()
 
     def run(case: Case) -> list[Comparison]:
         found = record(system, case, duration, seed)
-        theory = solve(parameters, ORIENTATIONS[case[0]], active=case[1], points=points)
-        return list(_compare(case, found, theory, indices, confidence))
+        return list(_compare(case, found, solve(system, case, points), indices, confidence))
 
     compared: list[Comparison] = []
     with ThreadPoolExecutor(os.cpu_count()) as pool:
