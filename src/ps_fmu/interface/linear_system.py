@@ -7,7 +7,7 @@ has the critical point +1: poles of the closed loops are zeros of det(E - M), wi
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple, TypeVar
 
@@ -105,6 +105,10 @@ class SystemModel:
     def name(self) -> str:
         """Of the file of its description."""
         return self.system.path.stem
+
+    def without_pointing(self) -> SystemModel:
+        """The same with the line-of-sight loop off."""
+        return replace(self, tracker=None, pointing=None)
 
     @property
     def groups(self) -> list[list[str]]:
@@ -262,7 +266,8 @@ class Circuit:
 
     def _turn(self, values: Mapping[str, float]) -> Circuit:
         """The same with other values.  Raises ``ParameterError`` where there is no closed form of them."""
-        return Circuit(read_model(self.model.system.with_parameters(values)), self.active)
+        changed = read_model(self.model.system.with_parameters(values), self.model.step)
+        return Circuit(changed if self.model.pointing else changed.without_pointing(), self.active)
 
     def _track(self, values: Mapping[str, float], pole: complex) -> complex | None:
         """Where a pole goes with other values; None: it is not found, or a time is no whole number of steps."""
@@ -354,6 +359,9 @@ def read_model(system: System, step: float | None = None) -> SystemModel:
     if isolator.get("sample_time"):
         name = f"{components[ISOLATOR]}.sample_time"
         raise LinearModelError(f"{name}: there is no closed form of a digital isolator; set 0 s")
+    if _given(system, components[PLANT]).get("base", "own") != "own":
+        name = f"{components[PLANT]}.base"
+        raise LinearModelError(f"{name}: there is no closed form of a base that its host moves; set own")
     plant = _take(system, components[PLANT], Plant.from_parameters(p))
     controller = _take(system, components[ISOLATOR], Isolator.from_parameters(p))
     looped = TRACKER in components and POINTING in components
