@@ -8,7 +8,7 @@ import pytest
 
 from ps_fmu.cli import main
 from ps_fmu.cosim import read_parameters, read_system
-from ps_fmu.interface.linear_system import ISOLATOR, POINTING, SOURCE, Circuit, read_model
+from ps_fmu.interface.linear_system import ISOLATOR, POINTING, SOURCE, Circuit, LinearModelError, read_model
 from ps_fmu.theory.stability import UnstableError, find_common_margins, find_growing, find_unstable
 
 SYSTEM = Path(__file__).parents[2] / "system"
@@ -53,6 +53,20 @@ def test_what_is_said_to_move_the_pole_moves_it_by_so_much(make):
         turned = {LOWPASS: 300.0, name: float(value) * (1.1 if way == "raise" else 0.9)}
         moved = make("SystemStructure", turned, light=True).unstable[0].real - circuit.unstable[0].real
         assert 1.5 * float(expected) < moved < 0.5 * float(expected)
+
+
+def test_what_moves_the_pole_is_said_of_the_same_step_and_loops(make, built_fmus):
+    """Of a run with longer steps and its line-of-sight loop off: as of a system without that loop."""
+    read = {name: make(name, {LOWPASS: 300.0}, light=True).model.system for name in ("LineOfSight", "InertialSensors")}
+    off = Circuit(read_model(read["LineOfSight"], 2e-4).without_pointing(), True)
+    without = Circuit(read_model(read["InertialSensors"], 2e-4), True)
+    np.testing.assert_allclose(off.unstable, without.unstable, rtol=1e-6)
+    assert off.advise() == without.advise()
+
+
+def test_a_base_that_a_host_moves_has_no_closed_form(make):
+    with pytest.raises(LinearModelError, match=r"plant\.base: there is no closed form of a base that its host moves"):
+        make("SystemStructure", {"plant.base": "prescribed"})
 
 
 def test_a_delay_beyond_its_limit_is_named(make):

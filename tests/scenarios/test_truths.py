@@ -267,7 +267,10 @@ def test_slew(make_options, ssv):
     summary, rows = run(options)
     pictures = len(list(options.output.glob("*.png")))
     assert pictures == 2 and (options.output / "report.html").read_text().count("<img ") == pictures
-    assert summary["warnings"] == [] and summary["orientation_deg"] == [0.5, 0.0, 0.0]
+    (warning,) = summary["warnings"]  # so long steps; it grows by 2.4e-3 1/s
+    assert warning.startswith("Case isolator_on: the closed loop is unstable") and "(0.002369 Hz" in warning
+    assert "-0 rad/s" not in warning
+    assert summary["orientation_deg"] == [0.5, 0.0, 0.0]
     slew = summary["slew"]
     goal = np.array([0.5, 0.0, 0.0])
     moving = rows("isolator_on", "commander.moving")[0] > 0.5

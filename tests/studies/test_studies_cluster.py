@@ -161,17 +161,6 @@ def test_what_stops_is_noticed_within_ten_seconds(monkeypatch):
     )
 
 
-def test_a_scheduler_that_is_stopped_is_noticed(opened, by_hand, monkeypatch):
-    """It keeps its connections: nothing but its silence tells of it."""
-    monkeypatch.setattr(cluster, "WATCH_S", 0.2)
-    monkeypatch.setattr(cluster, "ANSWER_S", 1.0)
-    address, process = by_hand
-    said = rf"the scheduler {address} has not answered for 3 s: it is stopped, .*: continue it, or start another one"
-    with cluster.connect(address, None, PATIENCE_S) as client, pytest.raises(ClusterError, match=said):
-        dispatch(client, opened, lambda *_: process.send_signal(signal.SIGSTOP))
-    assert 0 < len(list_cases(opened)) < 6
-
-
 def test_what_a_worker_had_that_is_stopped_runs_elsewhere(opened, tmp_path, monkeypatch, capfd):
     """Without a nanny, which would start it anew."""
     monkeypatch.setattr(cluster, "SILENT_S", 1.0)
@@ -244,9 +233,20 @@ def test_a_study_goes_over_tls(opened, tmp_path):
     assert list_cases(opened) == list(range(6))
 
 
-def test_a_scheduler_that_ends_is_noticed(opened, by_hand, capfd):
-    """When a batch has come in, and before one; at once, although the scheduler had long to answer at first."""
+def test_a_scheduler_that_is_stopped_or_ends_is_noticed(opened, by_hand, monkeypatch, capfd):
+    """One that is stopped keeps its connections: nothing but its silence tells of it.
+
+    One that ends is noticed at once, also before a batch has come in, although it had long to answer at first.
+    """
     address, process = by_hand
+    said = rf"the scheduler {address} has not answered for 3 s: it is stopped, .*: continue it, or start another one"
+    with monkeypatch.context() as patch, cluster.connect(address, None, PATIENCE_S) as client:
+        patch.setattr(cluster, "WATCH_S", 0.2)
+        patch.setattr(cluster, "ANSWER_S", 1.0)
+        with pytest.raises(ClusterError, match=said):
+            dispatch(client, opened, lambda *_: process.send_signal(signal.SIGSTOP))
+    assert 0 < len(list_cases(opened)) < 6
+    process.send_signal(signal.SIGCONT)
     lost = pytest.raises(ClusterError, match=f"the scheduler {address} is lost")
     with cluster.connect(address, None, PATIENCE_S) as client:
         later = make_dispatcher(client, opened)

@@ -79,6 +79,9 @@ def test_a_case_is_the_run_of_a_file_with_its_numbers(plan, stateful, tmp_path):
         '"faults.1.seed"\nvalues = [0, 3, 4]',
         '"faults.late.value"\nvalues = ["20 ms", "0 s", "50 ms"]',
     )
+    assert prepared.plan.shared_seeds == ()
+    other, _ = plan('"faults.push.value"\nvalues = [1.0, 40.0]')
+    assert other.plan.shared_seeds == ("faults.1.seed",)  # all cases have the same noise
     units = {factor.name: factor.unit for factor in prepared.plan.factors}
     assert units["faults.push.value"] == "1"
     assert units["faults.0.time"] == units["faults.push.duration"] == units["faults.late.value"] == "s"

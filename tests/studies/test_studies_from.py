@@ -239,6 +239,7 @@ def test_random_numbers_go_on_unless_the_source_begins_anew(built_fmus, tmp_path
         warned = [text for text in prepared.system.warnings.texts if "disturbance.seed is in the state" in text]
         assert bool(warned) == (not anew)
         assert prepared.plan.seed_names == (("disturbance.seed",) if anew else ())
+        assert ("disturbance.seed" in prepared.plan.shared_seeds) == (not anew)  # the state has it
         row = CaseRunner(prepared.bundle.unpack(tmp_path)).run(0, prepared.plan.values(0))
         assert row["status"] == DONE, row["error"]
         found.append(row[peak])

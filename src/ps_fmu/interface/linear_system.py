@@ -7,7 +7,7 @@ has the critical point +1: poles of the closed loops are zeros of det(E - M), wi
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
@@ -112,6 +112,10 @@ class SystemModel:
         from ..disturbance import default_settings  # here: whether a loop is stable does not depend on it
 
         return _take(self.system, self.components[SOURCE], default_settings(load()))
+
+    def without_pointing(self) -> SystemModel:
+        """The same with the line-of-sight loop off."""
+        return replace(self, tracker=None, pointing=None)
 
     @property
     def groups(self) -> list[list[str]]:
@@ -252,6 +256,8 @@ class Circuit:
                 continue
             moved = self._track({name: self.model.turned[name].value * (1.0 + SMALL_TURN) for name in names}, pole)
             slope = 0.0 if moved is None else (moved - pole).real / SMALL_TURN
+            if slope == 0.0:  # the pole was not found again
+                continue
             if slope > 0.0 or not names[0].endswith(("latency", "sample_time")):  # nobody makes them longer
                 slopes.append((abs(slope), "lower" if slope > 0.0 else "raise", names[0]))
         best = [
@@ -267,7 +273,8 @@ class Circuit:
 
     def _turn(self, values: Mapping[str, float]) -> Circuit:
         """The same with other values.  Raises ``ParameterError`` where there is no closed form of them."""
-        return Circuit(read_model(self.model.system.with_parameters(values)), self.active)
+        changed = read_model(self.model.system.with_parameters(values), self.model.step)
+        return Circuit(changed if self.model.pointing else changed.without_pointing(), self.active)
 
     def _track(self, values: Mapping[str, float], pole: complex) -> complex | None:
         """Where a pole goes with other values; None: it is not found, or a time is no whole number of steps."""
@@ -359,6 +366,9 @@ def read_model(system: System, step: float | None = None) -> SystemModel:
     if isolator.get("sample_time"):
         name = f"{components[ISOLATOR]}.sample_time"
         raise LinearModelError(f"{name}: there is no closed form of a digital isolator; set 0 s")
+    if _given(system, components[PLANT]).get("base", "own") != "own":
+        name = f"{components[PLANT]}.base"
+        raise LinearModelError(f"{name}: there is no closed form of a base that its host moves; set own")
     plant = _take(system, components[PLANT], Plant.from_parameters(p))
     controller = _take(system, components[ISOLATOR], Isolator.from_parameters(p))
     looped = TRACKER in components and POINTING in components

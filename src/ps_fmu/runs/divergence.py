@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -101,7 +101,7 @@ def describe_loop(system: RunSystem, options: RunOptions, values: Mapping[str, V
     try:
         model = read_model(system.structure.with_parameters(values), options.step_s)
         if not on[POINTED]:
-            model = replace(model, tracker=None, pointing=None)
+            model = model.without_pointing()
         circuit = Circuit(model, active=True)
         if not len(circuit.unstable):
             return ""

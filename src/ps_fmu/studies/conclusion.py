@@ -302,7 +302,9 @@ def _tabulate_ranking(outcome: Outcome) -> Table:
         rows.append((output.title, said or "none", influence.describe_floor(), influence.describe_left(outcome.plan)))
     header = ("output", "the strongest first", "others", "what is left")
     told = [place for place in range(4) if any(row[place] for row in rows)]
-    measure = EFFECT if outcome.plan.study.plan == MORRIS else f"{SHARE}, with its {100 * CONFIDENCE:g} % interval"
+    measure = EFFECT if outcome.plan.study.plan == MORRIS else SHARE
+    if 2 in told:  # a noise floor; else they are exact
+        measure += f", with its {100 * CONFIDENCE:g} % interval"
     return Table(
         f"What the outputs depend on: {measure}", [header[place] for place in told],
         [[row[place] for place in told] for row in rows],
@@ -348,6 +350,7 @@ def summarise(outcome: Outcome, prepared: Prepared, options: SweepOptions) -> di
             {"case": case, "status": status, "error": error} for case, status, error in find_failed(outcome)
         ],
         "sensitivity": {name: one.as_dict(names) for name, one in outcome.influences.items()},
+        "shared_seeds": outcome.plan.shared_seeds,
         "notes": list_notes(outcome),
         "versions": versions(),
     }  # fmt: skip

@@ -198,14 +198,15 @@ def _state_influence(plan: Plan, sample: Sample, column: int, level: float, pair
 
 
 def _add_totals(influence: Influence, values: Array, factors: int) -> Influence:
-    """With total indices (A. Saltelli and others, Comput. Phys. Commun. 181 (2010) 259-270)."""
+    """With total indices (A. Saltelli and others, Comput. Phys. Commun. 181 (2010) 259-270), which are 0 to 1."""
     from scipy.stats import sobol_indices
 
     n = len(values) // (factors + 2)
     f_A, f_B, f_AB = values[:n], values[n : 2 * n], values[2 * n :].reshape(factors, 1, n)
     found = sobol_indices(func={"f_A": f_A[None], "f_B": f_B[None], "f_AB": f_AB}, n=n, rng=0)
     spread = found.bootstrap(confidence_level=CONFIDENCE, n_resamples=RESAMPLES).total_order.confidence_interval
-    totals = zip(*(np.ravel(one).tolist() for one in (found.total_order, spread.low, spread.high)), strict=True)
+    ends = (np.clip(np.ravel(one), 0.0, 1.0) for one in (found.total_order, spread.low, spread.high))
+    totals = zip(*(one.tolist() for one in ends), strict=True)
     return replace(influence, totals=tuple(Estimate(*one) for one in totals))
 
 

@@ -31,7 +31,7 @@ from ..mechanism.linear_model import Plant, PlantModel
 from ..mechanism.parameters import Parameters
 from ..mechanism.quantities import Array, Complex
 from ..mechanism.signals import N_INPUTS, N_LOADS, OUTPUTS
-from .stability import UnstableError, count_poles, find_unstable, sort_poles
+from .stability import UnstableError, count_poles, find_delay_margin, find_unstable, sort_poles
 from .transfer_matrices import Practical, place_frequencies
 
 if TYPE_CHECKING:
@@ -167,20 +167,15 @@ class Loop:
         """Smallest delay at which a pole reaches the imaginary axis, s; infinite if none ever does.
 
         There an eigenvalue of L without delay has modulus one at some frequency w, and the delay turns it to +1:
-        ``tau = arg(lambda) / w``.  Only the crossings of |lambda| = 1 matter, so the search is one over frequency.
+        ``tau = arg(lambda) / w``.
         """
         bare = self.with_delay(0.0)
-        frequency = np.geomspace(1e-3, 1e4, 8_000)  # Hz
-        modulus = np.sort(np.abs(bare.eigenvalues(2j * np.pi * frequency)), axis=-1)
-        delays = []
-        for branch in range(3):
-            above = modulus[:, branch] > 1.0
-            for k in np.flatnonzero(above[1:] != above[:-1]):
-                omega = 2.0 * np.pi * _crossing(bare, branch, frequency[k], frequency[k + 1])
-                values = bare.eigenvalues(1j * omega)
-                turn = float(np.angle(values[np.argsort(np.abs(values))][branch]))
-                delays.append((turn % (2.0 * np.pi)) / omega)
-        return min(delays, default=np.inf)
+
+        def transfer(frequency: Array) -> Complex:
+            s = np.asarray(2j * np.pi * frequency)
+            return np.asarray(-bare.controller.response(s) @ bare._from_force(s))  # critical point -1
+
+        return find_delay_margin(transfer, np.geomspace(1e-3, 1e4, 8_000))
 
 
 def delay_limit_by_bisection(loop: Loop, longest: float, tolerance: float = 1e-6) -> float:
@@ -211,16 +206,6 @@ def loop_of(plant: Plant, isolator: Isolator, orientation: ArrayLike, delay: flo
 
 def _delayed(s: Complex, delay: float) -> Complex:
     return np.asarray(np.exp(-s * delay))[..., None, None]
-
-
-def _crossing(loop: Loop, branch: int, low: float, high: float) -> float:
-    """Frequency, Hz, at which the modulus of an eigenvalue (sorted by modulus) passes one."""
-    from scipy.optimize import brentq
-
-    def above(f: float) -> float:
-        return float(np.sort(np.abs(loop.eigenvalues(2j * np.pi * f)))[branch] - 1.0)
-
-    return float(brentq(above, low, high, xtol=1e-12 * high))
 
 
 def _distinct(values: Complex) -> Complex:

@@ -227,36 +227,11 @@ def find_common_margins(transfer: Callable[[Array], Complex], frequency: Array) 
     ``frequency`` (n,), Hz, ascending, dense around resonances.  They hold for a loop that is stable.
     """
     L = transfer(frequency)
-    loci = _track(np.asarray(np.linalg.eigvals(L)))
-
-    def crossings(measure: Callable[[Complex], Array], jump: float) -> list[tuple[float, complex]]:
-        """Frequency, Hz, and eigenvalue wherever a measure of it passes zero."""
-        from scipy.optimize import brentq
-
-        values = measure(loci)
-        passed = (np.sign(values[1:]) != np.sign(values[:-1])) & (np.abs(np.diff(values, axis=0)) < jump)
-        found = []
-        for row, branch in np.argwhere(passed):
-            ends, (first, last) = loci[[row, row + 1], branch], frequency[[row, row + 1]]
-
-            def near(f: float, ends: Complex = ends, first: float = first, last: float = last) -> complex:
-                own = np.linalg.eigvals(transfer(np.array([f])))[0]
-                return complex(own[np.abs(own - np.interp(f, (first, last), ends)).argmin()])
-
-            def passing(f: float, near: Callable[[float], complex] = near) -> float:
-                return float(measure(np.array([near(f)]))[0])
-
-            if np.sign(passing(first)) != np.sign(passing(last)):
-                at = float(brentq(passing, first, last, xtol=1e-12 * last))
-                found.append((at, near(at)))
-        return found
-
-    real = [(f, abs(value)) for f, value in crossings(lambda one: np.angle(-one), np.pi)]
+    real = [(f, abs(value)) for f, value in _find_crossings(transfer, frequency, L, lambda one: np.angle(-one), np.pi)]
     gain_hz, gain = min(real, key=lambda each: abs(np.log(each[1])), default=(np.nan, np.nan))
-    unit = [(f, float(np.angle(-value))) for f, value in crossings(lambda one: np.log(np.abs(one)), np.inf)]
+    unit = _find_unit(transfer, frequency, L)
     phase_hz, phase = min(unit, key=lambda each: abs(each[1]), default=(np.nan, np.inf))
-    late = [(f, angle % (2.0 * np.pi) / (2.0 * np.pi * f)) for f, angle in unit]
-    delay_hz, delay = min(late, key=lambda each: each[1], default=(np.nan, np.inf))
+    delay_hz, delay = _find_delay(unit)
     disk, disk_hz = _find_disk(transfer, frequency, L)
     return CommonMargins(
         gain_db=np.inf if np.isnan(gain) else float(abs(20.0 * np.log10(gain))),
@@ -269,6 +244,53 @@ def find_common_margins(transfer: Callable[[Array], Complex], frequency: Array) 
         disk=disk,
         disk_hz=disk_hz,
     )
+
+
+def find_delay_margin(transfer: Callable[[Array], Complex], frequency: Array) -> float:
+    """Delay common to all axes to the edge, s, as in :func:`find_common_margins`; inf: none reaches it."""
+    return _find_delay(_find_unit(transfer, frequency, transfer(frequency)))[1]
+
+
+def _find_unit(transfer: Callable[[Array], Complex], frequency: Array, L: Complex) -> list[tuple[float, float]]:
+    """Frequency, Hz, and phase above -180 deg, rad, wherever an eigenvalue has the magnitude one."""
+    found = _find_crossings(transfer, frequency, L, lambda one: np.log(np.abs(one)), np.inf)
+    return [(f, float(np.angle(-value))) for f, value in found]
+
+
+def _find_delay(unit: Iterable[tuple[float, float]]) -> tuple[float, float]:
+    """Frequency, Hz, and the shortest delay that turns an eigenvalue of magnitude one to -180 deg, s."""
+    late = ((f, angle % (2.0 * np.pi) / (2.0 * np.pi * f)) for f, angle in unit)
+    return min(late, key=lambda each: each[1], default=(np.nan, np.inf))
+
+
+def _find_crossings(
+    transfer: Callable[[Array], Complex],
+    frequency: Array,
+    L: Complex,
+    measure: Callable[[Complex], Array],
+    jump: float,
+) -> list[tuple[float, complex]]:
+    """Frequency, Hz, and eigenvalue of L (n, k, k) wherever a measure of it passes zero, but for jumps."""
+    from scipy.optimize import brentq
+
+    loci = _track(np.asarray(np.linalg.eigvals(L)))
+    values = measure(loci)
+    passed = (np.sign(values[1:]) != np.sign(values[:-1])) & (np.abs(np.diff(values, axis=0)) < jump)
+    found = []
+    for row, branch in np.argwhere(passed):
+        ends, (first, last) = loci[[row, row + 1], branch], frequency[[row, row + 1]]
+
+        def near(f: float, ends: Complex = ends, first: float = first, last: float = last) -> complex:
+            own = np.linalg.eigvals(transfer(np.array([f])))[0]
+            return complex(own[np.abs(own - np.interp(f, (first, last), ends)).argmin()])
+
+        def passing(f: float, near: Callable[[float], complex] = near) -> float:
+            return float(measure(np.array([near(f)]))[0])
+
+        if np.sign(passing(first)) != np.sign(passing(last)):
+            at = float(brentq(passing, first, last, xtol=1e-12 * last))
+            found.append((at, near(at)))
+    return found
 
 
 def _track(values: Complex) -> Complex:
