@@ -43,7 +43,7 @@ def test_from_another_folder_the_own_system_and_fmus_are_taken(name, tmp_path, m
         given.append(options)
         return SimpleNamespace(write=lambda folder: None, to_text=lambda: "")
 
-    monkeypatch.setattr(Analysis, "load", lambda analysis: analyse)
+    monkeypatch.setattr(Analysis, "load", lambda analysis, own: analyse)
     monkeypatch.chdir(tmp_path)
     assert main(["analyse", name]) == 0
     (options,) = given

@@ -67,7 +67,7 @@ def conclude(observer):
         return plain([observer.psd(), observer.segments])
     if isinstance(observer, RequirementRecord):
         (found,) = observer.distributions
-        return plain([observer.judged_s, found.rms, found.peak, found.counts, found.independent_squares()])
+        return plain([observer.judged_s, found.rms, found.peak, found.counts, found.state_rms(0.9)])
     if isinstance(observer, IndexRecord):
         return plain([(one.index, one.count, one.bias, one.rms, one.peak, one.quantiles) for one in observer.result()])
     return plain(observer.result())
