@@ -55,6 +55,14 @@ def test_bounds_of_a_record_hold(process):
     )
 
 
+def test_bounds_are_no_wider_than_white_noise_needs():
+    """Chi-square and ranks of 2000 independent samples: 1.02, 1.03 and 1.09 times the truth in the median."""
+    process = next(one for one in list_processes(0.1) if one.name == "white")
+    rows = [measure_process(process, probability, 60) for probability in (None, 0.95, 0.9973)]
+    assert np.all(np.array([row.excess for row in rows]) < [1.04, 1.06, 1.15])
+    assert min(row.ranked for row in rows) > 90.0
+
+
 @pytest.mark.parametrize("kind", ENSEMBLES)
 def test_bounds_over_runs_and_times_hold(kind):
     rows = [
