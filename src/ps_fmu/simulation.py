@@ -60,7 +60,7 @@ def simulate(
     scheme: order of exchange, ``"jacobi"``, ``"gauss-seidel"`` or ``"iterated"``, see docs/schemes.md.
     observe: a pattern such as ``plant.payload_*``, or several, of the outputs to store, by default all.
     requirements: a TOML file, own or of ps_fmu; the verdicts are ``summary["verdicts"]``.
-    inputs: a CSV file of inputs over time, see docs/run-any-system.md.
+    inputs: a CSV file of inputs over time, see docs/any-system.md.
     faults: a file of faults, JSON or YAML, see docs/faults.md; what acted is ``summary["faults"]``.
     isolate: run each FMU in a process of its own, or those of the components that are named: an FMU that crashes or
         hangs ends the run with a message, and this process goes on.

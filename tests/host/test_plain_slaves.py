@@ -19,7 +19,7 @@ DRAIN = (("class Tank", "class Drain"), ("0.1 * math.sqrt(level)", "0.3 * level"
 
 @pytest.fixture(scope="module")
 def tanks(tmp_path_factory):
-    """The example of docs/slavekit.md by both ways, and another slave with modules of the same names; unpacked."""
+    """The example of docs/own-fmu.md by both ways, and another slave with modules of the same names; unpacked."""
     folder = tmp_path_factory.mktemp("tanks")
     built, _ = build_script(write_example(folder / "source"), output=folder / "built")
     wrapped, _ = wrap(build_with_pythonfmu(write_example(folder / "stock")), folder / "wrapped.fmu")

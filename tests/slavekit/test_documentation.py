@@ -1,4 +1,4 @@
-"""The page made from a README and a model description; terminals; the example of docs/slavekit.md."""
+"""The page made from a README and a model description; terminals; the example of docs/own-fmu.md."""
 
 import importlib.util
 import re
@@ -162,7 +162,7 @@ def test_a_member_that_does_not_exist_is_named():
         write_terminals([Terminal("grip", ("torque",), "")], Gripper.layout)
 
 
-# --- The example of elements in docs/slavekit.md runs, and does what its sentence says ----------------------------
+# --- The example of elements in docs/own-fmu.md runs, and does what its sentence says ----------------------------
 
 H = 0.02  # s
 

@@ -298,7 +298,7 @@ def main() -> None:
                         measure_mixed(kind, runs, probability, given.records),
                     )
     if given.system:
-        values, step = simulate_system(600.0, max(1, given.records // 15))  # a fifth as many of 600 s
+        values, step = simulate_system(600.0, max(1, -(-given.records // 3)))  # three axes of each
         for length in (20.0, 60.0, 120.0, 600.0):
             for probability in STATISTICS:
                 row = measure_system(length, probability, values, step, given.records)

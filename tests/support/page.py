@@ -1,4 +1,4 @@
-"""The example of docs/slavekit.md, as files."""
+"""The example of docs/own-fmu.md, as files."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-PAGE = Path(__file__).parents[2] / "docs" / "slavekit.md"
+PAGE = Path(__file__).parents[2] / "docs" / "own-fmu.md"
 
 
 def write_example(folder: Path, *changes: tuple[str, str]) -> Path:
