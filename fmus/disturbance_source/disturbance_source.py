@@ -54,7 +54,7 @@ class DisturbanceSource(Slave):
     def rows(self, t: float, h: float, n: int) -> RowParts:
         """Wrench at t + h ... t + n h (s), shape (n, 6), in parts."""
         yield n // 16  # more than there are: the step at the end of the last table does nothing else
-        self._warn_of_aliasing(h)
+        self._warn(h)
         times = self.times(t, h, n) - self.memory[0]
         if not abs(times[-1]) <= LATEST:
             raise Refused(f"{times[-1]:g} s after the start of the experiment: expected at most {LATEST:g} s")
@@ -84,9 +84,9 @@ class DisturbanceSource(Slave):
         self.disturbance = Disturbance(take_values(DEFAULT, values))
         self.built_from = values
 
-    def _warn_of_aliasing(self, h: float) -> None:
+    def _warn(self, h: float) -> None:
         if h == self.checked_step:
             return
-        for text in self.disturbance.explain_aliasing(h):
+        for text in [*self.disturbance.explain(), *self.disturbance.explain_aliasing(h)]:
             self.warning(text)
         self.checked_step = h

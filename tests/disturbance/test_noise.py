@@ -192,7 +192,7 @@ def test_times_far_apart_do_not_cost_what_lies_between(monkeypatch):
 def test_samples_in_phases_are_those_of_one_transform(period, numbers):
     """Lines below, at and above the highest frequency of the parts, where they appear as aliases."""
     layer = Layer(0, 400.0, period, np.arange(*numbers))
-    polyphase = LayerLines(layer, 1)
+    polyphase = LayerLines(layer, 1, np.ones((1, layer.numbers.size)))
     random = np.random.default_rng(4)
     lines = random.standard_normal((1, layer.numbers.size)) + 1j * random.standard_normal((1, layer.numbers.size))
     spectra = np.concatenate([polyphase.fold(lines * polyphase.gains[0], phase) for phase in range(polyphase.phases)])
