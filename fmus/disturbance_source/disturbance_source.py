@@ -11,6 +11,7 @@ from ps_fmu.interface.ports import make_parameter_ports, refuse_parameters
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.mechanism.quantities import take_values
 from ps_fmu.slavekit.author.ahead import RowParts
+from ps_fmu.slavekit.author.files import find_packed
 from ps_fmu.slavekit.author.guard import Refused
 from ps_fmu.slavekit.author.slave import Slave
 from ps_fmu.slavekit.author.terminals import Terminal
@@ -81,7 +82,7 @@ class DisturbanceSource(Slave):
     def _build(self, values: dict[str, Value]) -> None:
         self.built_from: dict[str, Value] = {}
         self.checked_step = 0.0  # s, that warnings were given for
-        self.disturbance = Disturbance(take_values(DEFAULT, values))
+        self.disturbance = Disturbance(take_values(DEFAULT, find_packed(values, self.resources)))
         self.built_from = values
 
     def _warn(self, h: float) -> None:

@@ -297,7 +297,8 @@ def _ssp(options: argparse.Namespace) -> int:
         system = read_system(*_find_system(options))
         for path in map(find_file, options.parameters):
             system = system.with_parameters(read_parameters(path))
-        write_ssp(system, options.output)
+        for text in write_ssp(system, options.output):
+            print(f"ps-fmu ssp: {text}", file=sys.stderr)
         print(f"{options.output}  {options.output.stat().st_size / 1e3:.0f} kB")
     except (BuildError, CosimError, OSError) as error:
         print(f"ps-fmu ssp: {reason(error)}", file=sys.stderr)

@@ -16,7 +16,7 @@ import numpy as np
 from ..mechanism.parameters import Parameters
 from ..mechanism.quantities import Array, ParameterError, quantity
 from .kind import Kind, SharedSettings
-from .spectrum import ramp
+from .spectrum import Weight, ramp
 
 MAX_BYTES = 512 * 1024**2
 MAX_ROWS = 2_000_000  # 112 MB in memory for the seven columns of a recording
@@ -145,6 +145,7 @@ HEADER = (
     "torque.x [N.m]", "torque.y [N.m]", "torque.z [N.m]",
 )  # fmt: skip
 _DIED_AWAY = 1e-9  # of the largest value
+_FINE = 1025  # rows of a fade at least: its integral is off by 1e-6
 
 
 class Impulses(NamedTuple):
@@ -167,9 +168,12 @@ class Recording:
     repeat: the last line is also the first of the next repetition; else nothing acts before the first and after the
         last line.
     scale: factor on force and torque.
-    detrend: take out what makes a free body drift: of the recording, and of each repetition, both integrals of
-        :class:`Impulses` are zero then.  A line a + b t is subtracted, or a + b sin(2 pi t / period) where it repeats.
-    fade_in: s, over which the recording rises smoothly from zero at its first line; 0: it does not.
+    detrend: take out what makes a free body drift.  The recording is f = (W X)'' then, with W the fade-in (and, at the
+        end of one that does not repeat, a fade-out as long), and X the double integral of force and torque without the
+        parabola that fits it best; where it repeats, without what makes it not periodic.  A free body of mass m that
+        was at rest is at W X / m.
+    fade_in: s, over which the recording rises smoothly from zero at its first line; 0: it does not.  Above 0 with
+        ``detrend``.
     overlap: s; with ``repeat``, the end is faded into the beginning over this time, with equal power, and the period
         is shorter by it; 0: it is not.
 
@@ -191,19 +195,18 @@ class Recording:
         rows = read_columns(path, HEADER, "path")
         self.repeats = repeat
         length = float(rows[-1, 0] - rows[0, 0])
-        for name, time, part in (("fade_in", fade_in, 1.0), ("overlap", overlap, 0.5)):
-            if time > part * length:
-                half = "half of " if part < 1.0 else ""
-                raise ParameterError(name, f"expected at most {half}the recording of {length:g} s, got {time:g} s")
-        wrench = scale * rows[:, 1:]
-        steady = _Rows(rows[:, 0].copy(), wrench)
+        for name, time in (("fade_in", fade_in), ("overlap", overlap)):
+            if time > 0.5 * length:
+                raise ParameterError(name, f"expected at most half of the recording of {length:g} s, got {time:g} s")
+        steady = _Rows(rows[:, 0].copy(), scale * rows[:, 1:])
         if repeat and overlap:
             steady = steady.join_ends(overlap)
-        first = steady.fade_in(fade_in) if fade_in else steady
+        first = steady
         if detrend:
-            # Both share a + b sin(...), but for what the first pass needs while it rises.
-            steady, first = steady.balance(repeat, 0.0), first.balance(repeat, fade_in)
-        self._first, self._steady = first, steady
+            steady, first = steady.settle(fade_in, repeat)
+        elif fade_in:
+            first = _Rows(steady.time, ramp(steady.time - steady.begin, fade_in).value[:, None] * steady.wrench)
+        self._first, self._steady = first, steady if repeat else first
 
     @property
     def span(self) -> tuple[float, float]:
@@ -221,6 +224,23 @@ class Recording:
     def jump(self) -> Array:
         """By which force and torque change at once from a repetition to the next, (6,), N and N.m."""
         return np.asarray(self._steady.wrench[0] - self._steady.wrench[-1])
+
+    @property
+    def usual_jump(self) -> Array:
+        """Root mean square of the changes from row to row, (6,), N and N.m."""
+        return np.asarray(np.sqrt(np.mean(np.diff(self._steady.wrench, axis=0) ** 2, axis=0)))
+
+    def swing(self, end: float) -> Array:
+        """How far a free body of mass and inertia one has moved, (n, 6), in each row of the first pass until a time, s.
+
+        As :attr:`Impulses.second`.
+        """
+        rows = self._first.cut(self._first.begin, min(end, self._first.end)) if end > self._first.begin else self._first
+        h = np.diff(rows.time)[:, None]
+        before, after = rows.wrench[:-1], rows.wrench[1:]
+        speed = np.cumsum(0.5 * h * (before + after), axis=0)
+        own = h**2 * (2.0 * before + after) / 6.0
+        return np.cumsum(own + h * np.vstack([np.zeros((1, 6)), speed[:-1]]), axis=0)
 
     def __call__(self, time: Array) -> Array:
         """Force (N) and torque (N.m) in B at its origin at the times (n,) in s, shape (n, 6)."""
@@ -310,18 +330,38 @@ class _Rows:
             np.concatenate([np.sin(angle) * head + np.cos(angle) * tail, rest.wrench[1:]]),
         )
 
-    def fade_in(self, duration: float) -> _Rows:
-        """Risen smoothly from zero over a time, s."""
-        return _Rows(self.time, ramp(self.time - self.begin, duration).value[:, None] * self.wrench)
+    def settle(self, rise: float, repeats: bool) -> tuple[_Rows, _Rows]:
+        """Without what makes a free body drift: a repetition, and what is faded over ``rise``, s; see there."""
+        grid = np.linspace(0.0, rise, _FINE)
+        ends = self.begin + grid, self.end - grid
+        rows = self._refine(np.concatenate(ends))
+        time, h = (rows.time - rows.begin)[:, None], np.diff(rows.time)[:, None]
+        force, before, after = rows.wrench, rows.wrench[:-1], rows.wrench[1:]
+        zero = np.zeros((1, 6))
+        speed = np.vstack([zero, np.cumsum(0.5 * h * (before + after), axis=0)])
+        way = np.vstack([zero, np.cumsum(h * speed[:-1] + h**2 * (2.0 * before + after) / 6.0, axis=0)])
+        if repeats:
+            period = float(time[-1, 0])
+            mean = speed[-1] / period
+            slope = way[-1] / period - 0.5 * mean * period
+            offset = -np.trapezoid(way - slope * time - 0.5 * mean * time**2, time[:, 0], axis=0) / period
+        else:
+            shapes = np.hstack([np.ones_like(time), time, 0.5 * time**2])
+            weight = np.sqrt(np.gradient(time[:, 0]))[:, None]
+            fitted = np.linalg.lstsq(weight * shapes, weight * way, rcond=None)[0]
+            offset, slope, mean = -fitted[0], fitted[1], fitted[2]
+        force, speed = force - mean, speed - slope - mean * time
+        way = way + offset - slope * time - 0.5 * mean * time**2
+        weight_in = ramp(time[:, 0], rise)
+        if not repeats:
+            out = ramp(time[-1, 0] - time[:, 0], rise)
+            weight_in = weight_in.times(Weight(out.value, -out.rate, out.curvature))
+        return _Rows(rows.time, force), _Rows(rows.time, weight_in.second_derivative(way, speed, force))
 
-    def balance(self, repeats: bool, fade_in: float) -> _Rows:
-        """Without both integrals, by a line or, where it repeats, a constant and a sine of the period; see there."""
-        part = (self.time - self.begin) / (self.end - self.begin)
-        shapes = np.stack([np.ones(len(part)), np.sin(2.0 * np.pi * part) if repeats else part], axis=1)
-        if fade_in:
-            shapes *= ramp(self.time - self.begin, fade_in).value[:, None]
-        left = np.stack(_Rows(self.time, shapes).integrate())
-        return _Rows(self.time, self.wrench - shapes @ np.linalg.solve(left, np.stack(self.integrate())))
+    def _refine(self, more: Array) -> _Rows:
+        """The same with more times (k,), s."""
+        time = np.union1d(self.time, np.clip(more, self.begin, self.end))
+        return _Rows(time, self.interpolate(time))
 
 
 @dataclass(frozen=True)
@@ -333,8 +373,10 @@ class RecordingSettings(Kind):
     path: str = quantity("", "CSV file with time, force and torque in B at its origin; empty: none")
     repeat: bool = quantity("", "True: begin again after the last line; false: nothing acts after it")
     scale: float = quantity("1", "Factor on the recorded wrench")
-    detrend: bool = quantity("", "True: take out what makes a free body drift, mean and first moment")
-    fade_in: float = quantity("s", "Time over which the recording rises smoothly from zero; 0 = at once", at_least=0.0)
+    detrend: bool = quantity("", "True: take out what makes a free body drift, and fade in and out")
+    fade_in: float = quantity(
+        "s", "Time over which the recording rises smoothly from zero; 0 = at once, with detrend rise_time", at_least=0.0
+    )
     overlap: float = quantity(
         "s", "Time over which the end is faded into the beginning of the next repetition; 0 = none", at_least=0.0
     )
@@ -346,8 +388,10 @@ class RecordingSettings(Kind):
 
     def make_source(self, shared: SharedSettings, number: int) -> Recording | None:
         """The recording.  Raises ParameterError: the file cannot be used."""
-        if not self.path:
-            return None
-        return Recording(
-            Path(self.path), self.repeat, self.scale, detrend=self.detrend, fade_in=self.fade_in, overlap=self.overlap
-        )
+        return self.make_recording(shared, self.detrend) if self.path else None
+
+    def make_recording(self, shared: SharedSettings, detrend: bool) -> Recording:
+        """As :meth:`make_source`, with or without what makes a free body drift."""
+        fade_in = self.fade_in or (shared.rise_time if detrend else 0.0)
+        path = Path(self.path)
+        return Recording(path, self.repeat, self.scale, detrend=detrend, fade_in=fade_in, overlap=self.overlap)

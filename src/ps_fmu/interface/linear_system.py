@@ -17,6 +17,7 @@ from ..actuators.voice_coil import Coils
 from ..control.isolator import Isolator
 from ..control.pointing import PointingLaw
 from ..cosim import System, Value
+from ..cosim.ssp.packing import find_values
 from ..mechanism.linear_model import Plant
 from ..mechanism.parameters import load
 from ..mechanism.quantities import Array, Complex, ParameterError, list_entries, take_values
@@ -109,9 +110,7 @@ class SystemModel:
     @cached_property
     def disturbance(self) -> DisturbanceSettings:
         """What the source of disturbances makes.  Raises ``ParameterError`` for an impossible value."""
-        from ..disturbance import default_settings  # here: whether a loop is stable does not depend on it
-
-        return _take(self.system, self.components[SOURCE], default_settings(load()))
+        return read_disturbance(self.system, self.components[SOURCE])
 
     def without_pointing(self) -> SystemModel:
         """The same with the line-of-sight loop off."""
@@ -385,6 +384,16 @@ def read_model(system: System, step: float | None = None) -> SystemModel:
         h,
         dict(_list_turned(system, components)),
     )
+
+
+def read_disturbance(system: System, component: str) -> DisturbanceSettings:
+    """What a source of disturbances makes with its start values.  Raises ``ParameterError`` for an impossible value."""
+    from ..disturbance import default_settings  # here: whether a loop is stable does not depend on it
+
+    try:
+        return take_values(default_settings(load()), find_values(system.component(component)))
+    except ParameterError as error:
+        raise ParameterError(f"{component}.{error.name}", error.problem) from None
 
 
 def _list_turned(system: System, components: Mapping[str, str]) -> Iterator[tuple[str, Turned]]:

@@ -31,7 +31,8 @@ from .runner import Runner
 from .stored_rows import KeptRows
 
 SEED = "disturbance.seed"
-RECORDING_PATH = "disturbance.recording.path"
+_PATH = "recording.path"
+RECORDING_PATH = f"disturbance.{_PATH}"
 NOISE, MULTISINE = "disturbance.noise.enabled", "disturbance.noise.multisine"
 LOWEST_NOISE, HIGHEST_NOISE = "disturbance.noise.band.min", "disturbance.noise.band.max"  # Hz
 #: Highest frequency of the noise over the rate of the steps.  What is above half that rate would fold down to low
@@ -209,6 +210,12 @@ def load_system(
         structure, descriptions, given, scheme, warnings, read_judge(options, columns), faults=faults, inputs=inputs,
         also=frozenset(also), columns=columns,
     )  # fmt: skip
+    source = parse_port(SEED).component
+    if disturbed and _PATH in structure.component(source).parameters:
+        from .recorded import explain_drift  # with all kinds of disturbance, which other runs do not need
+
+        for text in explain_drift(structure, source, options.duration_s):
+            warnings.add(text)
     return limit_noise(system, options.step_s) if disturbed and not options.is_plain else system
 
 

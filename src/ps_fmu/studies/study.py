@@ -225,6 +225,7 @@ class _Study(Table):
     requirements: Path | None = None
     faults: Path | None = None
     inputs: Path | None = None
+    disturbance: Path | None = None
     outside: bool = False
     seeds: Literal["independent", "common"] | None = None
     timeout: Time | None = None
@@ -296,6 +297,8 @@ class Study:
     """What happens to signals and parameters in each run."""
     inputs: Path | None = None
     """Inputs over time, a CSV file; None: they keep their start values."""
+    disturbance: Path | None = None
+    """A recorded wrench on the bus in place of the noise, a CSV file; None: that of the system."""
     states_step: bool = True
     """Whether the file states the step; else it is that of the system, where that states one."""
     outside: bool = False
@@ -345,6 +348,7 @@ def read_study(path: Path) -> Study:
         signals=file.signals,
         faults=table.faults and _find(path, table, "faults", table.faults),
         inputs=table.inputs and _find(path, table, "inputs", table.inputs),
+        disturbance=table.disturbance and _find(path, table, "disturbance", table.disturbance),
         outside=table.outside,
         branch=None if file.from_ is None else _find_checkpoint(path, file.from_),
     )
