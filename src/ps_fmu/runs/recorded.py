@@ -85,8 +85,8 @@ def explain_drift(system: System, component: str, duration_s: float) -> Iterator
             over = _describe(left.second / duration_s, "N.s", "N.m.s")
             last = _describe(left.first, "N.s", "N.m.s")
             yield (
-                f"{where}: {file} gives the free spacecraft a mean momentum of {over} over {duration_s:g} s, and {last} "
-                f"at the end: it drifts by {_describe(moved, 'm', 'rad')}, where all else moves it by up to "
+                f"{where}: {file} gives the free spacecraft a mean momentum of {over} over {duration_s:g} s, and "
+                f"{last} at the end: it drifts by {_describe(moved, 'm', 'rad')}, where all else moves it by up to "
                 f"{_describe(swing, 'm', 'rad')}. "
                 f"{where}.detrend = true takes the drift out"
             )

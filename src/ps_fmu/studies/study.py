@@ -320,6 +320,9 @@ def read_study(path: Path) -> Study:
     table = file.study
     table.put(f"{path}, study")
     _place(path, file)
+    if table.disturbance is not None and table.disturbance.suffix.lower() != ".csv":
+        hint = "a run with --disturbance writes other files as disturbance.csv into its output folder"
+        raise table.error("disturbance", f"expected a file .csv, got {str(table.disturbance)!r}; {hint}")
     for one in file.vary:
         if table.plan in (GRID, LIST) and one.distribution not in (VALUES, STEPS):
             problem = f"the plan {table.plan!r} needs values, or steps from low to high; got {one.distribution}"
