@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 DEFAULT_SYSTEM = "SystemStructure.ssd"
 WIDTH = 100  # characters of a line of the list
 GAP = 2  # characters between its columns
-LONGEST = (34, 6, 9, 10, 8)  # characters of its columns; a line with longer texts is broken behind them
+LONGEST = (42, 5, 11, 8)  # characters of its columns: name, use, start, unit; longer texts have a line of their own
 OPTIONS: Mapping[str, dict[str, Any]] = {
     "system": {
         "type": Path, "metavar": "FILE.ssd",
@@ -228,6 +228,7 @@ def _list_variables(system: System, needs: Mapping[str, Need]) -> Iterator[dict[
                 stated = None if variable.start is None else read_start(variable)
                 yield {
                     "name": name,
+                    "component": component.name,
                     "fmu": component.source.name,
                     "causality": causality,
                     "type": variable.type,
@@ -250,39 +251,37 @@ def _choose(rows: list[dict[str, Any]], options: argparse.Namespace) -> list[dic
 
 
 def _format_rows(rows: list[dict[str, Any]]) -> Iterator[str]:
-    """A table of at most :data:`WIDTH` characters for each component; inputs that are connected show their source.
+    """A table of at most :data:`WIDTH` characters for the inputs, outputs and parameters of each component.
 
     Components of a vector are one line, with a name that is a pattern, too: ``plant.los.[xy]``.
     """
-    cells: dict[tuple[str, ...], str] = {}  # the ends of a name by all that components of a vector have in common
+    sections: dict[str, dict[tuple[str, ...], str]] = {}  # ends of names by all that components of a vector share
     for row in rows:
         name, end = row["name"][:-1], row["name"][-1]
         vector = name[-1] in "._"
         start, source, about = row["start"], row["connected_to"] or "", row["description"]
-        shown = f"{start:.10g}" if type(start) is float else str(start)
+        shown = f"{start:.6g}" if type(start) is float else str(start)
         if source:
             about = f"from {source.removesuffix(end) + '*' if vector else source}. {about}"
+        if vector:
+            about = about.removesuffix(f", {end}").removesuffix(f" ({end})")
         unset = source or start is None or row["causality"] == "output"
-        common = (
-            row["fmu"], name if vector else row["name"], row["scenario"] or "", row["causality"],
-            "" if unset else shown, row["unit"] or "", about.removesuffix(f", {end}").removesuffix(f" ({end})") if vector else about,
-        )  # fmt: skip
+        use, unit = row["scenario"] or "", row["unit"] or ""
+        common = name if vector else row["name"], use, "" if unset else shown, unit, about
+        cells = sections.setdefault(f"{row['component']} ({row['fmu']}), {row['causality']}s", {})
         cells[common] = cells.get(common, "") + (end if vector else "")
-    lines = [("variable", "use", "kind", "start", "unit", "meaning")]
-    places = [""]
-    for (fmu, name, *rest), ends in cells.items():
-        lines.append((f"{name}[{ends}]" if ends[1:] else name + ends, *rest))  # type: ignore[arg-type]
-        places.append(f"{name.partition('.')[0]}: {fmu}")
-    if not any(line[1] for line in lines[1:]):
-        lines = [(line[0], "", *line[2:]) for line in lines]
+    for title, cells in sections.items():
+        lines = [(f"{name}[{ends}]" if ends[1:] else name + ends, *rest) for (name, *rest), ends in cells.items()]
+        yield from ("", title, *_align(lines))
+
+
+def _align(lines: list[tuple[str, ...]]) -> Iterator[str]:
+    """Columns side by side; the last one has what is left of :data:`WIDTH`, and takes several lines."""
     widths = [min(max(len(line[k]) for line in lines), limit) for k, limit in enumerate(LONGEST)]
-    widths = [width for width in widths if width]
-    left = WIDTH - sum(widths) - GAP * len(widths)
-    for k, (line, place) in enumerate(zip(lines, places, strict=True)):
-        if k and place != places[k - 1]:
-            yield f"\n{place}"
-        *texts, about = [text for text, title in zip(line, lines[0], strict=True) if title]
-        start = "".join(text.ljust(width) + " " * GAP for text, width in zip(texts, widths, strict=True))
+    left = WIDTH - sum(width + GAP for width in widths if width)
+    for *texts, about in lines:
+        pairs = zip(texts, widths, strict=True)
+        start = "".join(text.ljust(width) + " " * GAP for text, width in pairs if width)
         if len(start) > WIDTH - left:
             yield start.rstrip()
             start = ""

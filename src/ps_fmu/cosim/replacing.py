@@ -17,7 +17,8 @@ def replace_components(system: System, fmus: Mapping[str, Path]) -> System:
     """The system with other FMUs for some components, by their names.
 
     A variable of the new FMU takes over the connections and the start values of the variable of the same name.  What
-    has no such variable is left out; ``remarks`` of the system name it, and the inputs that nothing feeds.
+    has no such variable is left out.  An input that the old FMU did not have is connected with the output of this name,
+    where the other components have exactly one.  ``remarks`` of the system name all that, and what nothing feeds.
 
     Raises
     ------
@@ -46,12 +47,18 @@ def _replace(system: System, old: Component, path: Path) -> System:
         )
     left = [name for name in old.parameters if name not in known]
     fed = {wire.target.variable for wire in wires if wire.target.component == old.name}
-    own = _list_inputs(read_description(old.source, lenient=True)) - fed - {wire.target.variable for wire in cut}
-    unfed = sorted(_list_inputs(description) - fed - own)
+    before = _list_inputs(read_description(old.source, lenient=True)) - fed - {wire.target.variable for wire in cut}
+    unfed = sorted(_list_inputs(description) - fed - before)
+    new_wires = [
+        Connection(sources[0], PortName(old.name, name), 0, file=path.name)
+        for name in unfed
+        if len(sources := _find_outputs(system, old, name)) == 1
+    ]
     said = [
         f"{old.name} is {path.name} in place of {old.source.name}",
-        *_say("it does not have the variables of these connections, which are left out", [*map(_show, cut)]),
-        *_say("nothing feeds its inputs", unfed),
+        *_say("it gets new connections by name", [_show(wire) for wire in new_wires]),
+        *_say("it does not have the variables of these connections, which are left out", [_show(wire) for wire in cut]),
+        *_say("nothing feeds its inputs", sorted({*unfed} - {wire.target.variable for wire in new_wires})),
         *_say("it does not have these variables, whose values are left out", left),
     ]
     parameters = {name: entry for name, entry in old.parameters.items() if name in known}
@@ -60,11 +67,22 @@ def _replace(system: System, old: Component, path: Path) -> System:
     return replace(
         system,
         components=tuple(new if component is old else component for component in system.components),
-        connections=tuple(wires),
+        connections=(*wires, *new_wires),
         inputs=tuple(one for one in inputs if one.targets),
         outputs=tuple(one for one in system.outputs if fits(one.source)),
         remarks=(*system.remarks, "; ".join(said)),
     )
+
+
+def _find_outputs(system: System, old: Component, name: str) -> list[PortName]:
+    """Outputs of this name of the other components."""
+    return [
+        PortName(other.name, name)
+        for other in system.components
+        if other is not old
+        for variable in [index_variables(read_description(other.source, lenient=True)).get(name)]
+        if variable is not None and variable.causality == "output"
+    ]
 
 
 def _list_inputs(description: ModelDescription) -> set[str]:
