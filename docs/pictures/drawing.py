@@ -76,7 +76,9 @@ class Drawing:
         more = f' fill-opacity="{opacity:g}"' if opacity < 1.0 else ""
         self._parts.append(f'<path class="f-{fill}{f" s-{edge}" if edge else ""}"{more} d="M{_join(points)}Z"/>')
 
-    def box(self, x: float, y: float, width: float, height: float, fill: str, edge: str = "", radius: float = 6) -> None:
+    def box(
+        self, x: float, y: float, width: float, height: float, fill: str, edge: str = "", radius: float = 6
+    ) -> None:
         """Draw a rectangle from its left upper corner."""
         kinds = f"f-{fill}" + (f" s-{edge}" if edge else "")
         self._parts.append(
@@ -164,7 +166,9 @@ def _join(points: Iterable[Point]) -> str:
 
 
 def _list_rules(place: int) -> Sequence[str]:
-    rules = [f".f-{name}{{fill:{values[place]}}}.s-{name}{{stroke:{values[place]}}}" for name, values in COLOURS.items()]
+    rules = [
+        f".f-{name}{{fill:{values[place]}}}.s-{name}{{stroke:{values[place]}}}" for name, values in COLOURS.items()
+    ]
     return [*rules, f".halo{{stroke:{COLOURS['paper'][place]}}}"]
 
 

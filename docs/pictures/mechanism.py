@@ -9,7 +9,7 @@ import numpy as np
 
 from ps_fmu.mechanism.parameters import Manipulator, Parameters, load
 
-from .drawing import Drawing, Point, arc
+from .drawing import Drawing, Point
 
 COARSE, FINE, FRAME = "blue", "orange", "green"
 AZIMUTH, ELEVATION = math.radians(-64.0), math.radians(21.0)  # of the eye: about z of B from x, above the base
@@ -73,7 +73,11 @@ def _draw_side(drawing: Drawing, parameters: Parameters) -> None:
     _draw_axis(drawing, place_P, (0.31, 0.0, 0.0), "x of P", (0, 18))
     _draw_axis(drawing, place_P, (0.0, 0.5, 0.0), "y of P", (30, 0))
     _draw_axis(drawing, place_P, (0.0, 0.0, 0.54), "z of P, boresight", (0, -14))
-    for axis, at, name, shift in ((0, 0.25, "+roll", (0, -38)), (1, 0.43, "+pitch", (6, -32)), (2, 0.47, "+yaw", (54, 4))):
+    for axis, at, name, shift in (
+        (0, 0.25, "+roll", (0, -38)),
+        (1, 0.43, "+pitch", (6, -32)),
+        (2, 0.47, "+yaw", (54, 4)),
+    ):
         turn = [np.roll((at, 0.045 * math.cos(a), 0.045 * math.sin(a)), axis) for a in np.linspace(-2.3, 2.0, 24)]
         drawing.line(map(place_P, turn), FRAME, 1.8, ends=">")
         centre = place_P(np.roll((at, 0.0, 0.0), axis))
