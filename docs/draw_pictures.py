@@ -15,7 +15,7 @@ HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE))  # the package beside this file
 
 from pictures.mechanism import draw_mechanism  # noqa: E402
-from pictures.quantities import draw_frequencies  # noqa: E402
+from pictures.quantities import draw_frequencies, draw_verdict, draw_windows  # noqa: E402
 from pictures.signals import draw_instrument_flow, draw_loop  # noqa: E402
 
 PICTURES = {
@@ -23,6 +23,8 @@ PICTURES = {
     "loop": draw_loop,
     "instrument_flow": draw_instrument_flow,
     "frequencies": draw_frequencies,
+    "windows": draw_windows,
+    "verdict": draw_verdict,
 }
 
 
