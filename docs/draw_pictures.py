@@ -17,6 +17,7 @@ sys.path.insert(0, str(HERE))  # the package beside this file
 from pictures.mechanism import draw_mechanism  # noqa: E402
 from pictures.quantities import draw_frequencies, draw_verdict, draw_windows  # noqa: E402
 from pictures.signals import draw_instrument_flow, draw_loop  # noqa: E402
+from pictures.steps import draw_step_time, draw_workflow  # noqa: E402
 
 PICTURES = {
     "mechanism": draw_mechanism,
@@ -25,6 +26,8 @@ PICTURES = {
     "frequencies": draw_frequencies,
     "windows": draw_windows,
     "verdict": draw_verdict,
+    "workflow": draw_workflow,
+    "step_time": draw_step_time,
 }
 
 

@@ -218,7 +218,7 @@ def draw_windows() -> Drawing:
 def _mark_length(drawing: Drawing, first: Point, last: Point, below: float, text: str) -> None:
     """A dimension between two points, ``below`` px under them."""
     for x, y in (first, last):
-        drawing.line([(x, y), (x, y + below + 4)], "soft", 1.0)
+        drawing.line([(x, y + 25), (x, y + below + 4)], "soft", 1.0)
     y = first[1] + below
     drawing.line([(first[0], y), (last[0], y)], "ink", 1.5, ends="<>")
     drawing.text(0.5 * (first[0] + last[0]), y + 15, text)
