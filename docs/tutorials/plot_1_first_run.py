@@ -19,7 +19,9 @@ import numpy as np
 
 import ps_fmu
 
-result = ps_fmu.simulate("isolation", duration=8, parameters={"disturbance.noise.multisine": True}, progress=False)
+result = ps_fmu.simulate(
+    "isolation", duration=8, parameters={"disturbance.noise.multisine": True}, progress=False
+)
 print("cases:", ", ".join(result.cases))
 for axis, passive, active, rejection in zip(
     "xyz",
@@ -29,7 +31,8 @@ for axis, passive, active, rejection in zip(
     strict=True,
 ):
     print(
-        f"{axis}: {1e6 * passive:6.2f} urad without, {1e6 * active:6.3f} urad with the isolator: {rejection:.1f} % less"
+        f"{axis}: {1e6 * passive:6.2f} urad without, {1e6 * active:6.3f} urad with the isolator:"
+        f" {rejection:.1f} % less"
     )
 
 # %%

@@ -67,11 +67,15 @@ print("\n".join(lines[1:]))
 
 import ps_fmu
 
-result = ps_fmu.simulate("isolation", duration=6, parameter_files=[values], progress=False)
+result = ps_fmu.simulate(
+    "isolation", duration=6, parameter_files=[values], progress=False
+)
 for axis, passive, rejection in zip(
     "xyz", result.summary["rms_passive_rad"], result.summary["rejection_percent"], strict=True
 ):
-    print(f"{axis}: {1e6 * passive:6.1f} urad without the isolator, {rejection:.1f} % less with it")
+    print(
+        f"{axis}: {1e6 * passive:6.1f} urad without the isolator, {rejection:.1f} % less with it"
+    )
 
 # %%
 # The isolator knows this payload exactly, since the file says nothing else.
@@ -111,7 +115,9 @@ rows[-1].set_xlabel("time (s)")
 # %%
 # The error lies across z: translation of the bus along y now turns the payload about z.
 
-for axis, exact, off in zip("xyz", result.summary["rms_active_rad"], wrong.summary["rms_active_rad"], strict=True):
+for axis, exact, off in zip(
+    "xyz", result.summary["rms_active_rad"], wrong.summary["rms_active_rad"], strict=True
+):
     print(f"{axis}: {1e6 * exact:.3f} urad when known, {1e6 * off:.3f} urad when 10 mm off")
 folder.cleanup()
 

@@ -32,7 +32,9 @@ class Component:
         path = find_built_folder() / f"{name}.fmu"
         self.folder = extract(path)
         description = read_model_description(path)
-        self.places = {variable.name: variable.valueReference for variable in description.modelVariables}
+        self.places = {
+            variable.name: variable.valueReference for variable in description.modelVariables
+        }
         self.fmu = FMU2Slave(
             guid=description.guid,
             unzipDirectory=self.folder,
@@ -78,7 +80,9 @@ def measure_gain():
     """Rotation of the payload (x, y, z in P) by each fine force, (3, 3), rad/N."""
     columns = []
     for force in FORCES:
-        plant = Component("ManipulatorPlant", {f"fine_leg_{leg}.damping": 900.0 for leg in (1, 2, 3)})
+        plant = Component(
+            "ManipulatorPlant", {f"fine_leg_{leg}.damping": 900.0 for leg in (1, 2, 3)}
+        )
         plant.set({force: 1.0})
         for k in range(1000):
             plant.step(k * STEP)
@@ -160,7 +164,9 @@ held = simulate(Controller(gain))
 settled = round(2.0 / STEP)
 rms = {name: record[settled:].std(axis=0) for name, record in (("free", free), ("held", held))}
 for k, axis in enumerate("xyz"):
-    print(f"{axis}: {1e6 * rms['free'][k]:6.2f} urad without, {1e6 * rms['held'][k]:5.2f} urad with the controller")
+    print(
+        f"{axis}: {1e6 * rms['free'][k]:6.2f} urad without, {1e6 * rms['held'][k]:5.2f} urad with the controller"
+    )
 
 # %%
 

@@ -58,13 +58,17 @@ import ps_fmu
 from ps_fmu.requirements.requirement import read_requirements
 from ps_fmu.requirements.stored import judge_files
 
-result = ps_fmu.simulate("isolation", duration=90, progress=False, output=Path(folder.name) / "run")
+result = ps_fmu.simulate(
+    "isolation", duration=90, progress=False, output=Path(folder.name) / "run"
+)
 results = Path(result.output) / "results.nc"
 
 
 def show(verdicts):
     for verdict in verdicts:
-        value, bound, limit = (1e6 * n for n in (verdict.statement.value, verdict.statement.bound, verdict.limit))
+        value, bound, limit = (
+            1e6 * n for n in (verdict.statement.value, verdict.statement.bound, verdict.limit)
+        )
         print(
             f"{verdict.requirement.name:<20} {verdict.signal[-1]}  {verdict.answer:<10}"
             f"{value:.3f}, at most {bound:.3f} of {limit:.2f} urad: margin {verdict.margin_percent:+3.0f} %"

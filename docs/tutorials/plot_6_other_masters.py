@@ -31,7 +31,9 @@ from ps_fmu.runs.built_fmus import find_built_folder
 STEP, STEPS = 1e-4, 2000  # s
 folder = tempfile.TemporaryDirectory()
 archive = Path(folder.name) / "pointing.ssp"
-write_ssp(read_system(find_product().system / "SystemStructure.ssd", find_built_folder()), archive)
+write_ssp(
+    read_system(find_product().system / "SystemStructure.ssd", find_built_folder()), archive
+)
 with zipfile.ZipFile(archive) as opened:
     for entry in opened.infolist():
         print(f"{entry.file_size / 1e3:8.0f} kB  {entry.filename}")
@@ -79,8 +81,12 @@ else:
         env=os.environ | {"PS_FMU_PYTHON": sys.executable},
         capture_output=True,
     )
-    header, *rows = [line.replace('"', "").split(",") for line in table.read_text().splitlines()]
-    place = next(k for k, name in enumerate(header) if name.endswith("plant.base_acceleration.x"))
+    header, *rows = [
+        line.replace('"', "").split(",") for line in table.read_text().splitlines()
+    ]
+    place = next(
+        k for k, name in enumerate(header) if name.endswith("plant.base_acceleration.x")
+    )
     compare("OMSimulator", float(rows[-1][place]))
 
 # %%
@@ -104,7 +110,9 @@ else:
     execution.step(STEPS)
     plant = execution.slave_index_from_instance_name("plant")
     variables = execution.slave_variables(plant)
-    wanted = next(variable.reference for variable in variables if variable.name == b"base_acceleration.x")
+    wanted = next(
+        variable.reference for variable in variables if variable.name == b"base_acceleration.x"
+    )
     compare("libcosim", observer.last_real_values(plant, [wanted])[0])
 
 # %%

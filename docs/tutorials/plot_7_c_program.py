@@ -87,7 +87,9 @@ source.write_text(PROGRAM)
 headers = Path(fmpy.__file__).parent / "c-code"
 compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
 command = [compiler] if compiler else [sys.executable, "-m", "ziglang", "cc"]
-subprocess.run([*command, "-O1", f"-I{headers}", "-o", str(host), str(source), "-ldl"], check=True)
+subprocess.run(
+    [*command, "-O1", f"-I{headers}", "-o", str(host), str(source), "-ldl"], check=True
+)
 print("compiled:", host.stat().st_size // 1000, "kB")
 
 # %%
