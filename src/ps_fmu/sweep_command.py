@@ -27,8 +27,8 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         "sweep",
         help="run a study of many cases",
         description="Run the cases of a study, each with other parameters, and say what they say: percentiles, "
-        "probability of meeting each requirement, worst cases, sensitivities.  docs/studies.md explains STUDY.toml, "
-        "docs/cluster.md how to use more than one machine.  Needs the extra: pip install 'ps-fmu[sweep]'.",
+        "probability of meeting each requirement, worst cases, sensitivities.  docs/studies.md explains STUDY.toml "
+        "and how to use more than one machine.  Needs the extra: pip install 'ps-fmu[sweep]'.",
     )
     parser.add_argument("study", type=Path, metavar="STUDY.toml")
     parser.add_argument("--output", type=read_output, metavar="DIR", help="folder of the results (results/STUDY)")
