@@ -23,7 +23,7 @@ from ..cosim.structure import Component, Value
 from ..reduction.columns import NETCDF_LOCK
 from ..results.summary import FmuFile, versions
 from .options import NOT_KEPT, SOURCE, RunOptions, name_option
-from .setup import SEED, RunSystem, has_disturbance, identify_fmus
+from .setup import SEED, RunSystem, has_disturbance
 
 PARAMETERS = "parameters"
 """Name of the group of start values."""
@@ -64,7 +64,7 @@ def write_origin(path: Path, options: RunOptions, system: RunSystem) -> None:
 
 def _write(file: Any, options: RunOptions, system: RunSystem) -> None:
     file.setncatts(list_attributes(options, system))
-    components, fmus = system.structure.components, identify_fmus(system)
+    components, fmus = system.structure.components, system.fmus
     _write_texts(file, "component", [component.name for component in components], "name in the system")
     _write_texts(file, "fmu", [fmu.name for fmu in fmus], "FMU", "component")
     _write_texts(file, "fmu_sha256", [fmu.sha256 for fmu in fmus], "SHA-256 of the FMU", "component")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 from fmpy.model_description import ModelDescription
 
@@ -85,6 +86,11 @@ class RunSystem:
     """Where the rows of the runs are kept in memory; None: they are written into results.nc."""
     runner: Runner | None = None
     """Has the FMUs, where they stay loaded from run to run."""
+
+    @cached_property
+    def fmus(self) -> tuple[FmuFile, ...]:
+        """Name and SHA-256 of the FMU of each component."""
+        return tuple(FmuFile.of(component.source) for component in self.structure.components)
 
     def get_start(self, name: str) -> Value:
         """The value that ``component.variable`` will start with: as set in the system, or else as its FMU has it.
@@ -381,11 +387,6 @@ def collect_parameters(options: RunOptions, system: RunSystem) -> dict[str, obje
             if variables[name].start is None or entry.value != read_start(variables[name])
         }
     return found
-
-
-def identify_fmus(system: RunSystem) -> tuple[FmuFile, ...]:
-    """Name and SHA-256 of each FMU of the system."""
-    return tuple(FmuFile.of(component.source) for component in system.structure.components)
 
 
 def limit_noise(system: RunSystem, step_s: float) -> RunSystem:
