@@ -36,6 +36,7 @@ from ..theory.sampled import (
     make_isolator_block,
     make_plant_block,
     make_sensors_block,
+    round_delay,
 )
 from ..theory.stability import UnstableError, find_growing, find_unstable, refine_pole
 from ..theory.transfer_matrices import place_frequencies
@@ -68,6 +69,8 @@ TURNED: Mapping[str, Sequence[tuple[str, ...]]] = {
         ("loop.rolloff_frequency",),
     ),
 }  # fmt: skip
+#: Parameters that are delays, s, by FMU: an FMU rounds each up to the next multiple of its step.
+DELAYS: Mapping[str, str] = {ISOLATOR: "delay", POINTING: "delay", SENSORS: "latency", TRACKER: "latency"}
 SHOWN = 3  # of these that are said to matter
 SMALL_TURN = 0.01  # of a parameter, for the derivative of a pole
 _AT_ONCE = 64  # frequencies
@@ -377,7 +380,7 @@ def read_model(system: System, step: float | None = None) -> SystemModel:
         system,
         components,
         loop_of(plant, controller, orientation, 0.0),
-        float(isolator.get("delay", 0.0)),
+        round_delay(float(isolator.get("delay", 0.0)), h),
         _take(system, components[SENSORS], default_sensors()) if SENSORS in components else None,
         _take(system, components[COILS], Coils.from_parameters(p)) if COILS in components else None,
         tracker,
@@ -405,8 +408,8 @@ def _make_pointing(
     system: System, component: str, tracker: Tracker, orientation: Array, h: float
 ) -> SampledPointing:
     law, given = _take(system, component, PointingLaw.from_parameters(load())), _given(system, component)
-    own = [float(given.get(name, 0.0)) for name in ("sample_time", "delay")]
-    timing = Timing(tracker.sample_time, tracker.latency, h, *own)
+    own = float(given.get("sample_time", 0.0)), round_delay(float(given.get("delay", 0.0)), h)
+    timing = Timing(tracker.sample_time, round_delay(tracker.latency, h), h, *own)
     return SampledPointing(law.controller(orientation), timing, tracker.roll_measured)
 
 

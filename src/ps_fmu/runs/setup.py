@@ -22,7 +22,9 @@ from ..cosim.schemes.scheme import Scheme, make_scheme
 from ..cosim.signals import Signal, read_signals
 from ..cosim.ssp.reading import complete_experiment, fit_duration, read_any_system
 from ..cosim.structure import Parameter, PortName, parse_port
+from ..interface.linear_system import DELAYS
 from ..results.summary import FmuFile
+from ..theory.sampled import round_delay
 from .index_record import IndexLog
 from .judge import RunJudge, read_judge
 from .logs import CostLog, WarningLog
@@ -209,7 +211,27 @@ def load_system(
         structure, descriptions, given, scheme, warnings, read_judge(options, columns), faults=faults, inputs=inputs,
         also=frozenset(also), columns=columns,
     )  # fmt: skip
+    for name, set_s in list_delays(system):
+        if (acts_s := round_delay(set_s, options.step_s)) != set_s:
+            system.warnings.add(describe_rounding(name, system.get_origin(name), set_s, acts_s, options.step_s))
     return limit_noise(system, options.step_s) if disturbed and not options.is_plain else system
+
+
+def list_delays(system: RunSystem) -> Iterator[tuple[str, float]]:
+    """Name and start value, s, of each delay of an FMU of ps_fmu that steps as the run does."""
+    for component in system.structure.components:
+        name = DELAYS.get(component.source.stem, "")
+        if name in index_variables(system.descriptions[component.name]) and component.name not in system.scheme.rates:
+            yield f"{component.name}.{name}", system.get_number(f"{component.name}.{name}")
+
+
+def describe_rounding(name: str, origin: str, set_s: float, acts_s: float, step_s: float) -> str:
+    """What a user reads of a delay, s, that is no multiple of the step, and acts as the next one."""
+    below = f"{acts_s - step_s:.6g} s or " if acts_s > step_s else ""
+    return (
+        f"{name}: {set_s:g} s ({origin}) is not a multiple of the step of {step_s:g} s. The FMU rounds it up: it "
+        f"delays by {acts_s:.6g} s. Set {below}{acts_s:.6g} s to choose the delay."
+    )
 
 
 def has_disturbance(descriptions: Mapping[str, ModelDescription]) -> bool:

@@ -34,10 +34,10 @@ VALUES, STEPS, UNIFORM, NORMAL = "values", "steps", "uniform", "normal"
 KEYS_OF = {
     VALUES: ("values",),
     STEPS: ("low", "high", "count", "spacing"),
-    UNIFORM: ("low", "high", "relative"),
-    NORMAL: ("mean", "sigma", "relative", "low", "high"),
+    UNIFORM: ("low", "high", "relative", "multiple_of"),
+    NORMAL: ("mean", "sigma", "relative", "low", "high", "multiple_of"),
 }
-NUMBERS = ("low", "high", "mean", "sigma", "relative")
+NUMBERS = ("low", "high", "mean", "sigma", "relative", "multiple_of")
 WINDOWED = ("MPE", "RPE", "smear", "jitter")
 MOST_CASES = 1_000_000
 DEFAULT_STEP_S = 1e-4  # where the system states none either
@@ -84,6 +84,8 @@ class Vary(Table):
     mean: Quantity | None = None
     sigma: Quantity | None = None
     relative: Quantity | None = None
+    multiple_of: Quantity | None = None
+    """Draws are rounded to the nearest multiple of it."""
     count: Annotated[int, msgspec.Meta(ge=1, le=MOST_CASES)] = 0
     """Of the steps."""
     spacing: Literal["linear", "log"] | None = None
@@ -102,7 +104,7 @@ class Vary(Table):
                 raise ValueError(f"{key}: is missing for {kind}")
         if kind == NORMAL and (self.sigma is None) == (self.relative is None):
             raise ValueError("sigma: expected either sigma or relative, its share of the mean")
-        if kind == UNIFORM and self.relative is not None and len(self.numbers) > 1:
+        if kind == UNIFORM and self.relative is not None and {"low", "high"} & self.numbers.keys():
             raise ValueError("relative: expected either low and high, or relative, the share by which both differ")
 
     @property

@@ -38,6 +38,7 @@ from .preparation import (
     make_bundle,
     make_options,
     read_sources,
+    warn_of_delays,
 )
 from .rows import (
     DONE,
@@ -163,6 +164,7 @@ def prepare(options: SweepOptions) -> Prepared:
     system = keep_seeds(study, system, sources)
     plan = make_plan(complete_observed(study, system), system)
     check_numbers(plan, system)
+    warn_of_delays(plan, system)
     check_sources(plan, system, sources)
     check_stored(plan, system)
     bundle = make_bundle(plan.study, system, sources)
