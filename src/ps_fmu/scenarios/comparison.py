@@ -18,8 +18,10 @@ from ..runs.cases import Case, Outcome, run_case
 from ..runs.index_record import PROBABILITIES, WINDOW_S, IndexLog
 from ..runs.options import RunOptions
 from ..runs.publish import Findings
+from ..runs.scenario import list_needs
 from ..runs.setup import RunSystem
 from .jitter_record import JITTER_SIGNALS, JitterRecord
+from .jitter_record import NEEDS as RECORDED
 
 Array = NDArray[np.float64]
 Orientation: TypeAlias = tuple[float, float, float]
@@ -27,7 +29,18 @@ Orientation: TypeAlias = tuple[float, float, float]
 
 TARGET = ("commander.target.roll", "commander.target.pitch", "commander.target.yaw")
 AXES = ("x", "y", "z")
+ENABLED = "isolator.enabled"
 CASES = ("passive", "active")
+DRIVEN = (*list_needs("input", *TARGET), *list_needs("input", ENABLED, type="Boolean"))
+"""What the scenarios set."""
+NEEDS = (*DRIVEN, *RECORDED)
+"""Of the scenarios that compare the cases."""
+IN_CLOSED_FORM = tuple(
+    list_needs(
+        "parameter", "isolator.delay", "isolator.filters.highpass_frequency",
+        purpose="the closed form beside the run is that of FeedforwardIsolator; the scenario isolation has none",
+    )
+)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +153,7 @@ def run_cases(
             options,
             Case(
                 prefix + name,
-                {**targets, "isolator.enabled": enabled},
+                {**targets, ENABLED: enabled},
                 lead_s=lead_steps * options.step_s,
             ),
             judge,
