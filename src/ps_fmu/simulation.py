@@ -57,7 +57,7 @@ def simulate(
     disturbance: recorded force and torque on the bus, a CSV or netCDF file, in place of the noise.
     system: another system than that of the scenario: an ``.ssd`` file, own or of ps_fmu, or an ``.ssp`` archive, which
         has its FMUs in it.
-    scheme: order of exchange, ``"jacobi"``, ``"gauss-seidel"`` or ``"iterated"``, see docs/schemes.md.
+    scheme: order of exchange, ``"jacobi"``, ``"gauss-seidel"`` or ``"iterated"``, see docs/any-system.md.
     observe: a pattern such as ``plant.payload_*``, or several, of the outputs to store, by default all.
     requirements: a TOML file, own or of ps_fmu; the verdicts are ``summary["verdicts"]``.
     inputs: a CSV file of inputs over time, see docs/any-system.md.
