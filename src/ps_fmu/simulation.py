@@ -40,7 +40,7 @@ def simulate(
     Parameters
     ----------
     scenario: one of those that ``ps-fmu run --help`` lists, or any system: an ``.ssp``, ``.ssd``, ``.xml`` or ``.fmu``.
-    parameters: start values by ``component.parameter``, in the units of ``ps-fmu parameters --list``; stronger than
+    parameters: start values by ``component.parameter``, in the units of ``ps-fmu list``; stronger than
         ``parameter_files``.
     seed: of the disturbance, 1 by default.
     cases: names of those to run, by default all; of scenarios that compare two cases.

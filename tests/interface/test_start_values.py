@@ -227,14 +227,6 @@ def test_a_physics_that_the_fmu_does_not_have_yet(system, physics):
         make_start_values(instrument, *system, {**physics, "PointingCommander": physics["FeedforwardIsolator"]})
 
 
-def test_what_can_be_set_is_listed(built_fmus, capsys):
-    assert main(["parameters", "--list", "--system", str(WIRED), "--fmus", str(built_fmus)]) == 0
-    lines = [line.split(maxsplit=3) for line in capsys.readouterr().out.splitlines()]
-    assert ["plant.payload.mass", "14.89", "kg", "Mass of payload and platform, truss included"] in lines
-    assert {line[0].partition(".")[0] for line in lines} == set(COMPONENTS)
-    assert main(["parameters", "--list", "a.toml"]) == main(["parameters", "a.toml"]) == 2
-
-
 def test_start_values_of_the_paper_are_those_of_the_fmus(built_fmus):
     descriptions = {name: read_model_description(built_fmus / f"{fmu}.fmu") for name, fmu in COMPONENTS.items()}
     starts = {

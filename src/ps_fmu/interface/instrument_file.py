@@ -102,6 +102,7 @@ def _describe(instrument: Instrument) -> list[str]:
     modes = ", ".join(f"{mode.frequency:g}" for mode in p.bus.modes if mode.active)
     bodies = f"payload {p.payload.mass:g} kg, bus {p.bus.mass:g} kg"
     lines = [f"{bodies}, modes of the bus: {f'{modes} Hz' if modes else 'none'}"]
+    lines += instrument.remarks
     if instrument.inherited:
         lines.append(f"from the base: {', '.join(instrument.inherited)}")
     return lines

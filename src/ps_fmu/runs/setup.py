@@ -256,6 +256,8 @@ def check_needs(options: RunOptions, structure: System, descriptions: Mapping[st
             )
     for component, names in absent.items():
         problems.append(f"there is no component {component!r}, of which the scenario uses {', '.join(names)}")
+    if scenario.module and not scenario.foreign and (source := parse_port(SEED).component) not in descriptions:
+        problems.append(f"there is no component {source!r}, which shakes the bus: add one")
     if problems:
         listed = "\n".join(f"- {text}" for text in problems)
         raise OptionError(
