@@ -343,7 +343,7 @@ def test_long_names_are_cut_and_told_apart(tmp_path):
     assert column.description == f"{names[0]}: Place"
 
 
-DOCUMENT = Path(__file__).parents[2] / "docs" / "results.md"
+DOCUMENT = Path(__file__).parents[2] / "docs" / "reference.md"
 
 
 @pytest.mark.filterwarnings("error")

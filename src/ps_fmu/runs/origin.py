@@ -114,6 +114,9 @@ def format_command(options: RunOptions) -> str:
         value = getattr(options, one.name)
         if one.name in _NO_COMMAND or value is None or value is False:
             continue
+        if one.name == "replace":
+            words += [word for name, path in value.items() for word in ("--replace", f"{name}={path.name}")]
+            continue
         if one.name == "scheme":
             words += _list_scheme(make_scheme(value))
         elif isinstance(value, Isolation):
