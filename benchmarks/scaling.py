@@ -173,10 +173,5 @@ def report(found: Figures) -> str:
     return "\n".join(lines)
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Measure, print, compare with the limits; returns the exit code."""
-    return run_benchmark(argv, __doc__, measure, report, LIMITS, rounds=9, steps=STEPS)
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_benchmark(__doc__, measure, report, LIMITS, rounds=9, steps=STEPS))

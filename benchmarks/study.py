@@ -11,7 +11,7 @@ import json
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from statistics import median
@@ -139,17 +139,13 @@ def report(found: Figures) -> str:
     return "\n".join(lines)
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Measure and print; returns the exit code."""
-
-    def add(p: argparse.ArgumentParser) -> None:
-        p.add_argument("--cases", type=int, default=100, metavar="N", help="of a study (%(default)s)")
-        p.add_argument("--duration", type=float, default=1.0, metavar="S", help="of a case (%(default)s)")
-        p.add_argument("--settling", type=float, default=10.0, metavar="S", help="time of the checkpoint (%(default)s)")
-        p.add_argument("--studies", nargs="+", choices=STUDIES, default=list(STUDIES), metavar="NAME")
-
-    return run_benchmark(argv, __doc__, measure, report, rounds=1, add=add)
+def add(p: argparse.ArgumentParser) -> None:
+    """Add own options."""
+    p.add_argument("--cases", type=int, default=100, metavar="N", help="of a study (%(default)s)")
+    p.add_argument("--duration", type=float, default=1.0, metavar="S", help="of a case (%(default)s)")
+    p.add_argument("--settling", type=float, default=10.0, metavar="S", help="time of the checkpoint (%(default)s)")
+    p.add_argument("--studies", nargs="+", choices=STUDIES, default=list(STUDIES), metavar="NAME")
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_benchmark(__doc__, measure, report, rounds=1, add=add))
