@@ -1,87 +1,64 @@
-"""The pages of the Python API: one for each public room of the package, with all of its modules."""
+"""The pages of the Python API, made of api.toml: one for each group of objects that a user may rely on."""
 
 from __future__ import annotations
 
-import importlib
-import pkgutil
-from collections.abc import Iterable, Iterator, Sequence
+import inspect
+import tomllib
+from collections.abc import Iterator, Mapping
+from operator import attrgetter
 from pathlib import Path
-from types import ModuleType
+from pkgutil import resolve_name
+from typing import Any
 
-from python_names import resolve_import
-
-# Room -> its title, in the order of the contents.  The others serve the command line and the paper.
-ROOMS = {
-    "ps_fmu.simulation": "A scenario in a few lines",
-    "ps_fmu.pointing": "Pointing errors",
-    "ps_fmu.requirements": "Requirements and verdicts",
-    "ps_fmu.results": "Results",
-    "ps_fmu.cosim": "Co-simulation master",
-    "ps_fmu.slavekit.author": "Slaves with native steps",
-    "ps_fmu.mechanism": "Mechanism",
-    "ps_fmu.control": "Control",
-    "ps_fmu.disturbance": "Disturbance",
-    "ps_fmu.sensors": "Sensors",
-    "ps_fmu.actuators": "Actuators",
-    "ps_fmu.theory": "Closed forms",
-    "ps_fmu.trades": "Design trades",
-}
-HEAD = """Python API
-==========
-
-``import ps_fmu`` loads nothing but what is used.  Docstrings give shapes, units, frames, errors and sources.  Arrays
-are numpy's, values are in SI units unless a name or text says otherwise.
-
-``ps_fmu.simulate`` and ``ps_fmu.Result`` are described with :mod:`ps_fmu.simulation`.  ``ps_fmu.pointing`` and
-``ps_fmu.cosim`` offer what their tables list first under their own names: ``from ps_fmu.cosim import Master``.
-
-.. toctree::
-   :maxdepth: 1
-
-"""
+GROUPS: list[dict[str, Any]] = tomllib.loads(Path(__file__).with_name("api.toml").read_text(encoding="utf-8"))["group"]
 
 
 def write_pages(folder: Path) -> None:
-    """Write ``index.rst`` and a page for each room into a folder that exists."""
-    lines = [f"   {title} <{name}>" for name, title in ROOMS.items()]
-    (folder / "index.rst").write_text(HEAD + "\n".join(lines) + "\n", encoding="utf-8")
-    for name, title in ROOMS.items():
-        room = importlib.import_module(name)
-        _write(folder / f"{name}.rst", _write_room(room, title, list_modules(room)))
+    """Write ``index.rst`` and a page for each group into a folder that exists."""
+    index = [
+        *_head("Python API", "="),
+        "Which objects may a script rely on?  Those of the table.  ``import ps_fmu`` loads nothing but what is used.",
+        "Arrays are those of numpy, values are in SI units unless a name or text says otherwise.",
+        *("", ".. toctree::", "   :hidden:", "", *(f"   {group['page']}" for group in GROUPS), ""),
+    ]
+    for group in GROUPS:
+        index += ["", f":doc:`{group['title']} <{group['page']}>`", "", *_tabulate(group)]
+        (folder / f"{group['page']}.rst").write_text("\n".join(_write_group(group)) + "\n", encoding="utf-8")
+    (folder / "index.rst").write_text("\n".join(index) + "\n", encoding="utf-8")
 
 
-def _write_room(room: ModuleType, title: str, modules: Sequence[str]) -> Iterator[str]:
-    yield from (*_head(f"{title}: ``{room.__name__}``"), f".. automodule:: {room.__name__}")
-    if modules:
-        yield "   :no-members:"
-    yield from ("", ".. py:currentmodule:: None")
-    if offered := list_offered(room):
-        yield from ("", ".. rubric:: Offered by the room itself", "", ".. autosummary::", "")
-        yield from (f"   ~{place}" for place in offered)
-    if modules:
-        yield from ("", ".. rubric:: Modules", "", ".. autosummary::", "")
-        yield from (f"   {module}" for module in modules)
-    for module in modules:
-        yield from ("", *_head(f"``{module}``", "-"), f".. automodule:: {module}")
+def _write_group(group: Mapping[str, Any]) -> Iterator[str]:
+    yield from (*_head(group["title"], "="), group["about"], *_tabulate(group))
+    yield from (*_head("Example", "-"), group["example"])
+    yield from _head("Objects", "-")
+    for entry in group["objects"]:
+        name, _, members = entry.partition(": ")
+        kind = "autoclass" if inspect.isclass(resolve_name(name)) else "autofunction"
+        yield from (
+            "",
+            f".. {kind}:: {name}",
+            *([f"   :members: {members}", "   :inherited-members:"] if members else []),
+        )
+    yield from ("", *_head("See also", "-"), ", ".join(f":doc:`/{guide}`" for guide in group["guides"]))
 
 
-def _head(text: str, line: str = "=") -> tuple[str, str, str]:
+def _tabulate(group: Mapping[str, Any]) -> Iterator[str]:
+    yield from (".. autosummary::", "")
+    yield from (f"   ~{entry.partition(': ')[0]}" for entry in group["objects"])
+    yield ""
+
+
+def _head(text: str, line: str) -> tuple[str, str, str]:
     return text, line * len(text), ""
 
 
-def _write(path: Path, lines: Iterable[str]) -> None:
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+def list_objects() -> dict[str, str]:
+    """Where each object is defined, and the name that its page has for it."""
+    names = [entry.partition(": ")[0] for group in GROUPS for entry in group["objects"]]
+    return {".".join(attrgetter("__module__", "__qualname__")(resolve_name(name))): name for name in names}
 
 
-def list_modules(room: ModuleType) -> list[str]:
-    """Full names of the public modules of a package, packages within it included; none for a module."""
-    found = pkgutil.walk_packages(getattr(room, "__path__", []), f"{room.__name__}.")
-    return [info.name for info in found if not any(part.startswith("_") for part in info.name.split("."))]
-
-
-def list_offered(room: ModuleType) -> list[str]:
-    """Where the names that a package offers are defined, sorted by name."""
-    if not hasattr(room, "__path__"):
-        return []
-    found = (resolve_import(room.__name__, name) for name in sorted(getattr(room, "__all__", ())))
-    return [place for place in found if place]
+def link_guides(guide: str, text: str) -> str:
+    """The text of a guide with links to the groups that name it, such as ``docs/budget``."""
+    links = [f"{{doc}}`{group['title']} </docs/api/{group['page']}>`" for group in GROUPS if guide in group["guides"]]
+    return f"{text}\n**In Python:** {', '.join(links)}\n" if links else text

@@ -16,6 +16,7 @@ import sys
 from pathlib import Path
 
 import api_pages
+import command_pages
 import fmu_pages
 
 from ps_fmu.runs.built_fmus import list_models
@@ -25,6 +26,7 @@ ROOT = HERE.parents[1]
 DOCUMENTS = (
     "docs/**/*.md",
     "docs/*.svg",
+    "docs/*.png",
     "docs/tutorials/*.py",
     "docs/tutorials/*.rst",
     "fmus/README.md",
@@ -35,6 +37,11 @@ DOCUMENTS = (
 )
 MARK = ".made-by-build.py"  # in folders that the next build may empty
 LINK = re.compile(r"\]\(([^)#\s]+)(?:#[^)\s]*)?\)")
+NAMED = re.compile(
+    r"\[[\w./-]*\.md\]\(([^)\s]+\.md[^)\s]*)\)"
+)  # a link whose text is the name of a file: the title is put there
+SECTION = re.compile(r"^### (.*)\n((?:(?!##).*\n)*)", re.MULTILINE)  # of the changelog: folded
+COMPONENT = re.compile(r'<ssd:Component name="(\w+)"[^>]*\ssource="resources/(\w+)\.fmu"')
 
 
 def stage(folder: Path, fmus: Path) -> None:
@@ -49,18 +56,27 @@ def stage(folder: Path, fmus: Path) -> None:
         shutil.copy(path, place)
         if path.suffix == ".md":
             _copy_linked(path, folder)
+            text = NAMED.sub(r"[](\1)", place.read_text(encoding="utf-8"))
+            if path.name == "CHANGELOG.md":
+                text = SECTION.sub(r"<details><summary>\1</summary>\n\2\n</details>\n\n", text)
+            name = place.relative_to(folder).with_suffix("").as_posix()
+            place.write_text(api_pages.link_guides(name, text), encoding="utf-8")
     (folder / "docs" / "index.md").rename(folder / "index.md")
+    components = {
+        model: name for path in ROOT.glob("system/*.ssd") for name, model in COMPONENT.findall(path.read_text())
+    }
     for model in list_models(ROOT):
         source = ROOT / "fmus" / re.sub(r"(?<=[a-z])(?=[A-Z])", "_", model).lower()
         place = folder / source.relative_to(ROOT)
         place.mkdir(parents=True, exist_ok=True)
         readme = (source / "README.md").read_text(encoding="utf-8")
-        page = fmu_pages.write_page(readme, fmus / f"{model}.fmu", place)
+        page = fmu_pages.write_page(readme, fmus / f"{model}.fmu", place, components[model])
         (place / "README.md").write_text(page, encoding="utf-8")
         _copy_linked(source / "README.md", folder)
     api = folder / "docs" / "api"
     api.mkdir()
     api_pages.write_pages(api)
+    (folder / "docs" / "commands.md").write_text(command_pages.make_page(), encoding="utf-8")
 
 
 def _copy_linked(document: Path, folder: Path) -> None:

@@ -29,7 +29,7 @@ extensions = [
     "house_docstrings",
     "python_names",
 ]
-exclude_patterns = ["docs/tutorials/*.rst"]  # the head of the gallery, which is a part of its index
+exclude_patterns = ["docs/tutorials/*.rst", "docs/paper"]  # parts of other pages
 suppress_warnings = ["config.cache"]  # sphinx-gallery's settings hold classes
 
 # --- Markdown --------------------------------------------------------------------------------
@@ -48,7 +48,8 @@ autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
 autodoc_typehints_format = "short"
 autodoc_preserve_defaults = True
-autodoc_default_options = {"members": True, "show-inheritance": True}
+autodoc_default_options = {"members": True}
+autodoc_type_aliases = {name: name for name in ("Array", "ArrayLike", "Complex", "Lags", "Counts", "Value", "Places")}
 add_module_names = False
 toc_object_entries_show_parents = "hide"
 python_maximum_signature_line_length = 100
@@ -81,6 +82,9 @@ html_theme = "pydata_sphinx_theme"
 html_math_renderer = "mathml"
 html_static_path = ["static"]
 html_css_files = ["site.css"]
+html_search_scorer = str(HERE / "static" / "scorer.js")
+html_sidebars = {"**": ["groups"]}
+templates_path = ["templates"]
 html_show_sourcelink = False
 html_copy_source = False
 html_last_updated_fmt = None
@@ -90,7 +94,7 @@ html_theme_options = {
     "navigation_with_keys": False,
     "show_toc_level": 2,
     "navigation_depth": 3,
-    "header_links_before_dropdown": 7,
+    "navbar_center": [],
     "footer_start": ["copyright"],
     "footer_end": [],
     "secondary_sidebar_items": {"**": ["page-toc"], **{page: [] for page in TUTORIALS}},  # code wants the width
@@ -100,11 +104,7 @@ html_theme_options = {
 # --- Links ---------------------------------------------------------------------------------
 
 nitpicky = True
-nitpick_ignore = [  # types of aliases and of fields, cut by Sphinx
-    ("py:class", "Array"),
-    ("py:class", "collections.abc.Mapping[str"),
-    ("py:class", "dict[~pathlib.Path"),
-]
+nitpick_ignore = [("py:class", "Mapping[str"), ("py:class", "RowParts")]  # cut by Sphinx; of a class of the slave
 linkcheck_timeout = 20
 linkcheck_anchors = False
 linkcheck_ignore = [re.escape("https://doi.org/") + ".*"]  # publishers refuse programs

@@ -20,6 +20,7 @@ GROUPS = {
 }
 COLUMNS = {
     "name": "Name",
+    "full": "Name in a system",
     "type": "Type",
     "variability": "Variability",
     "unit": "Unit",
@@ -28,10 +29,11 @@ COLUMNS = {
     "max": "Max",
     "description": "Description",
 }
+LEAST = 4  # parameters of a table of their own
 ICON = "icon.png"
 
 
-def write_page(readme: str, fmu: Path, folder: Path) -> str:
+def write_page(readme: str, fmu: Path, folder: Path, component: str) -> str:
     """The page of an FMU, in Markdown: its README with the sections of :func:`describe`, and its icon.
 
     Parameters
@@ -39,6 +41,7 @@ def write_page(readme: str, fmu: Path, folder: Path) -> str:
     readme: text of the README.
     fmu: the built FMU.
     folder: where the page goes; the icon is written beside it.
+    component: name of the FMU in the systems of ps_fmu.
     """
     with zipfile.ZipFile(fmu) as archive:
         description = fromstring(archive.read("modelDescription.xml"))
@@ -48,10 +51,10 @@ def write_page(readme: str, fmu: Path, folder: Path) -> str:
         wired = fromstring(archive.read(terminals)) if terminals in names else None
     title, _, text = readme.partition("\n")
     icon = f"```{{image}} {ICON}\n:alt: Icon of {description.get('modelName')}\n:class: icon\n```"
-    return "\n".join([title, "", icon, text, *describe(description, wired)]) + "\n"
+    return "\n".join([title, "", icon, text, *describe(description, wired, component)]) + "\n"
 
 
-def describe(description: Element, terminals: Element | None) -> Iterator[str]:
+def describe(description: Element, terminals: Element | None, component: str) -> Iterator[str]:
     """Lines of Markdown: what it is, what it can do, its variables by causality, its terminals."""
     yield "## Facts"
     yield ""
@@ -59,17 +62,21 @@ def describe(description: Element, terminals: Element | None) -> Iterator[str]:
     yield "## Variables"
     yield ""
     yield (
-        "Parameters are fixed: they are set before the initialisation ends. Numbers are rounded to six digits; all "
-        "digits are in `modelDescription.xml`."
+        "Parameter files, requirements and `--observe` take the name in a system. Parameters are fixed: set them "
+        "before the initialisation ends. Numbers are rounded to six digits; `modelDescription.xml` has all digits."
     )
     yield ""
-    variables = [_read_variable(variable) for variable in description.iterfind("ModelVariables/ScalarVariable")]
+    variables = [
+        _read_variable(variable, component) for variable in description.iterfind("ModelVariables/ScalarVariable")
+    ]
     for causality, title in GROUPS.items():
-        group = [variable for variable in variables if variable["causality"] == causality]
-        if group:
+        rows = [variable for variable in variables if variable["causality"] == causality]
+        tables = _group(rows) if causality == "parameter" else {"": rows}
+        if rows:
+            yield from (f"### {title}", "")
+        for name, group in tables.items():
             columns = [key for key in COLUMNS if any(variable[key] for variable in group)]
-            yield f"### {title}"
-            yield ""
+            yield from (f"#### {name}", "") if name else ()
             yield from _write_table([COLUMNS[key] for key in columns], ([row[key] for key in columns] for row in group))
     if terminals is not None:
         yield "## Terminals"
@@ -79,6 +86,14 @@ def describe(description: Element, terminals: Element | None) -> Iterator[str]:
             for t in terminals.iterfind("Terminals/Terminal")
         )
         yield from _write_table(("Name", "Description", "Variables"), rows)
+
+
+def _group(rows: Sequence[dict[str, str]]) -> dict[str, list[dict[str, str]]]:
+    """Parameters by the first part of their names without its number; few of a kind are among the others."""
+    kinds = [re.match(r"`(.*?)(_\d+)?[.`]", row["name"])[1] for row in rows]  # type: ignore[index]  # it always matches
+    names = [kind if kinds.count(kind) >= LEAST else "Others" for kind in kinds]
+    order = sorted(set(names), key=lambda name: (name == "Others", names.index(name)))
+    return {name: [row for row, kind in zip(rows, names, strict=True) if kind == name] for name in order}
 
 
 def _list_facts(description: Element) -> list[tuple[str, str]]:
@@ -93,13 +108,15 @@ def _list_facts(description: Element) -> list[tuple[str, str]]:
     return [(f"`{key}`", value) for key, value in facts if value]
 
 
-def _read_variable(variable: Element) -> dict[str, str]:
+def _read_variable(variable: Element, component: str) -> dict[str, str]:
     kind = variable[0]
     row = {**dict.fromkeys(COLUMNS, ""), **variable.attrib, **kind.attrib, "type": kind.tag}
     for key in ("start", "min", "max"):
         if row[key] and kind.tag == "Real":
             row[key] = f"{float(row[key]):.6g}"
-    return row | {"name": f"`{variable.get('name')}`"}
+    name = variable.get("name")
+    variability = "" if row["causality"] == "parameter" else row["variability"]
+    return row | {"name": f"`{name}`", "full": f"`{component}.{name}`", "variability": variability}
 
 
 def _write_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> Iterator[str]:

@@ -8,8 +8,8 @@ Lists of parameters stand under an underlined word, an entry on a line of its ow
     psd, step: unit^2/Hz, and so on,
         which may go on in indented lines.
 
-They become definition lists.  Array types, which autodoc writes out, become ``NDArray[float64]``.  A comment behind a
-field of a dataclass, ``mass: float  # kg``, becomes its text.  A bar, as in |x|, is a bar.
+They become definition lists.  Signatures have types as the source has them.  A comment behind a field of a dataclass,
+``mass: float  # kg``, becomes its text.  A bar, as in |x|, is a bar.
 """
 
 from __future__ import annotations
@@ -24,36 +24,32 @@ from types import ModuleType
 from typing import Any
 
 from sphinx.application import Sphinx
+from sphinx.util.inspect import stringify_signature
 
 _WORDS = {"Parameters", "Attributes", "Returns", "Raises"}
 _ENTRY = re.compile(r"^(\*{0,2}[A-Za-z_][\w.]*(?:, \*{0,2}[A-Za-z_][\w.]*)*): (.*)$")
 _FIELD = re.compile(r"^ {4}(\w+): [^#]*#:? *((?!fmt:|noqa|type:)\S.*)$")
-_ARRAY = re.compile(r"(~?)numpy\.ndarray\[~?tuple\[~?(?:typing\.)?Any, \.\.\.\], ~?numpy\.dtype\[(~?numpy\.\w+)\]\]")
 
 
 def setup(app: Sphinx) -> dict[str, Any]:
     """Register the conversion; called by Sphinx."""
     app.connect("autodoc-process-docstring", _process)
     app.connect("autodoc-process-signature", _process_signature)
-    app.connect("autodoc-skip-member", _skip)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
 
 
-def _skip(_app: Sphinx, _what: str, _name: str, found: Any, skip: bool, _options: Any) -> bool | None:
-    """Leave out what another package has made, as matplotlib does in classes that derive from its own."""
-    module = getattr(found, "__module__", None) or "ps_fmu"
-    return None if isinstance(module, str) and module.partition(".")[0] in ("ps_fmu", "builtins") else True
-
-
 def _process_signature(
-    _app: Sphinx, _what: str, _name: str, _found: Any, _options: Any, arguments: str | None, result: str | None
+    _app: Sphinx, what: str, _name: str, found: Any, _options: Any, arguments: str | None, result: str | None
 ) -> tuple[str | None, str | None]:
-    """Arguments and result with short names of array types."""
-    return _shorten(arguments), _shorten(result)
-
-
-def _shorten(text: str | None) -> str | None:
-    return text and _ARRAY.sub(r"\1numpy.typing.NDArray[\2]", text)
+    """Arguments and result with the types as the source has them, such as ``ArrayLike``."""
+    if not arguments or what not in ("class", "function", "method"):
+        return arguments, result
+    signature = inspect.signature(found)
+    if what == "method":
+        signature = signature.replace(parameters=list(signature.parameters.values())[1:])
+    text = stringify_signature(signature, show_return_annotation=False)
+    given = signature.return_annotation
+    return text, given if what != "class" and isinstance(given, str) else result
 
 
 def _process(_app: Sphinx, what: str, _name: str, found: Any, _options: Any, lines: list[str]) -> None:

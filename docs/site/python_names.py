@@ -17,52 +17,27 @@ from functools import cache
 from types import ModuleType
 from typing import Any
 
+from api_pages import list_objects
 from docutils import nodes
 from sphinx.application import Sphinx
-from sphinx.domains.python import ObjectEntry, PythonDomain
-from sphinx.environment import BuildEnvironment
 
+_SHOWN = list_objects()
 _ROLE = re.compile(r":(class|func|meth|attr|data|mod|exc|obj):`(~?)(\.*[A-Za-z_][\w.]*)`")
 
 
-class IndexedPythonDomain(PythonDomain):
-    """Sphinx's domain, which looks for a name among all full ones only if the last part of one is the last part of it.
-
-    Most names in signatures are those of other packages; to compare each with 6000 took a sixth of the build.
-    """
-
-    def find_obj(
-        self, env: BuildEnvironment, modname: str, classname: str, name: str, type: str | None, searchmode: int = 0
-    ) -> list[tuple[str, ObjectEntry]]:
-        """As the method that it stands in for."""
-        if _get_last(name.removesuffix("()")) not in self._list_last():
-            return []
-        return super().find_obj(env, modname, classname, name, type, searchmode)
-
-    def _list_last(self) -> frozenset[str]:
-        """The last parts of all names that there are now."""
-        if self._counted != len(self.objects):
-            self._last, self._counted = frozenset(map(_get_last, self.objects)), len(self.objects)
-        return self._last
-
-    _last: frozenset[str] = frozenset()
-    _counted = 0
-
-
-def _get_last(name: str) -> str:
-    return name.rpartition(".")[2]
-
-
 def setup(app: Sphinx) -> dict[str, Any]:
-    """Register domain and both steps; called by Sphinx."""
-    app.add_domain(IndexedPythonDomain, override=True)
+    """Register both steps; called by Sphinx."""
     app.connect("autodoc-process-docstring", _process)
     app.connect("missing-reference", _find_missing)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
 
 
-def _process(_app: Sphinx, _what: str, name: str, _found: Any, _options: Any, lines: list[str]) -> None:
-    lines[:] = [_ROLE.sub(lambda match: _resolve_role(match, name), line) for line in lines]
+def _process(_app: Sphinx, _what: str, name: str, found: Any, _options: Any, lines: list[str]) -> None:
+    module, own = getattr(found, "__module__", None), getattr(found, "__qualname__", "")
+    scope = (
+        f"{module}.{own}" if module else name
+    )  # where it is defined, which may be another module than it is offered by
+    lines[:] = [_ROLE.sub(lambda match: _resolve_role(match, scope), line) for line in lines]
 
 
 def _resolve_role(match: re.Match[str], scope: str) -> str:
@@ -70,16 +45,24 @@ def _resolve_role(match: re.Match[str], scope: str) -> str:
     full = resolve(target, scope)
     if full is None:
         return match[0]
+    full = _SHOWN.get(full, full)
     shown = target.rpartition(".")[2] if short else target.lstrip(".")
     return f":{role}:`{shown} <{full}>`"
 
 
-def _find_missing(_app: Sphinx, _env: Any, node: Any, shown: nodes.Element) -> nodes.Element | None:
-    """Text for a name that exists."""
+def _find_missing(app: Sphinx, env: Any, node: Any, shown: nodes.Element) -> nodes.Element | None:
+    """A link to the page of a name, or text for a name that exists: in its place, or where an object is defined."""
     if node.get("refdomain") != "py":
         return None
     scope = ".".join(filter(None, (node.get("py:module"), node.get("py:class"))))
-    return shown if resolve(node["reftarget"], scope) else None
+    scopes = (scope, *dict.fromkeys(place.rpartition(".")[0] for place in _SHOWN))
+    full = next(filter(None, (resolve(node["reftarget"], place) for place in scopes)), None)
+    if full not in _SHOWN:
+        return shown if full else None
+    found: nodes.Element | None = env.domains["py"].resolve_xref(
+        env, node["refdoc"], app.builder, "obj", _SHOWN[full], node, shown
+    )
+    return found
 
 
 def resolve(target: str, scope: str) -> str | None:
@@ -95,11 +78,6 @@ def resolve(target: str, scope: str) -> str | None:
             if _exists(full):
                 return full
     return None
-
-
-def resolve_import(module: str, name: str) -> str | None:
-    """Where a name that a module imports from another is defined; None if it does not import it so."""
-    return _list_imports(module).get(name)
 
 
 def _list_scopes(scope: str) -> Iterator[str]:

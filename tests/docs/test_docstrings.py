@@ -1,7 +1,9 @@
 """How docstrings of the house become what Sphinx reads, and how names in them are resolved."""
 
+import doctest
 import importlib
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -76,12 +78,38 @@ def test_folders_with_other_files_are_not_emptied(load, tmp_path, built_fmus):
     assert (tmp_path / "mine.txt").exists()
 
 
-def test_what_a_package_offers_is_where_it_is_defined(load):
-    import ps_fmu.cosim
-    import ps_fmu.pointing
+@pytest.mark.parametrize("page", [group["page"] for group in tomllib.loads((SITE / "api.toml").read_text())["group"]])
+def test_examples_of_the_api_run(page, load, tmp_path, monkeypatch, built_fmus):
+    """Those of each page, in a folder of their own; what they print is what the page shows."""
+    [group] = [group for group in load("api_pages").GROUPS if group["page"] == page]
+    monkeypatch.chdir(tmp_path)
+    example = doctest.DocTestParser().get_doctest(group["example"], {}, page, None, 0)
+    found = doctest.DocTestRunner().run(example)
+    assert found.failed == 0 and found.attempted >= 3
+    assert all((SITE.parents[1] / f"{guide}.md").exists() for guide in group["guides"])
 
-    found = load("api_pages").list_offered(ps_fmu.pointing)
-    assert len(found) == len(ps_fmu.pointing.__all__)
-    assert "ps_fmu.pointing.indices.RelativeError" in found
-    types = {"ps_fmu.cosim.clock.Event", "ps_fmu.cosim.values.Value"}
-    assert types <= {*load("api_pages").list_offered(ps_fmu.cosim)}  # elsewhere they have no text of their own
+
+def test_types_are_those_of_the_source(load):
+    from ps_fmu.pointing import RelativeError
+
+    found = load("house_docstrings")._process_signature(
+        None, "method", "", RelativeError.of_record, None, "(record: ndarray[...])", "Estimate"
+    )
+    assert found == ("(record: ArrayLike, step: float, *, stride: int | None = None)", "Estimate")
+
+
+def test_a_name_has_the_page_of_the_package_that_offers_it(load):
+    assert load("api_pages").list_objects()["ps_fmu.pointing.indices.RelativeError"] == "ps_fmu.pointing.RelativeError"
+
+
+def test_the_page_of_commands_has_each_command_and_option(load):
+    text = load("command_pages").make_page()
+    for found in (
+        "## ps-fmu run",
+        "### ps-fmu analyse budget",
+        "## ps-fmu sweep",
+        "`--observe PATTERN`",
+        "`--rate COMPONENT=N`",
+    ):
+        assert found in text
+    assert "%(" not in text

@@ -9,8 +9,10 @@ import pytest
 from support.claims import verify_claim
 from support.models import COMPONENTS
 
+from ps_fmu import Session
 from ps_fmu.cosim import UsageError
 from ps_fmu.disturbance.gaussian import GaussianNoise
+from ps_fmu.interface.linear_system import read_model
 from ps_fmu.runs.options import OptionError, RunOptions
 from ps_fmu.runs.setup import collect_parameters, identify_fmus, load_system
 
@@ -129,5 +131,24 @@ def test_a_system_without_a_disturbance_is_refused(make_options, tmp_path):
     text = re.sub(r'<ssd:Connection [^>]*"disturbance"[^>]*/>', "", text)
     own = tmp_path / "own.ssd"
     own.write_text(text)
-    with pytest.raises(UsageError, match=r"own\.ssd: there is no component 'disturbance', .*: add one"):
+    with pytest.raises(OptionError, match=r"own\.ssd does not fit .*\n- there is no component 'disturbance', .* add one"):
         load_system(replace(options, system=own))
+
+
+def test_a_delay_that_is_no_multiple_of_the_step_is_said_with_what_acts(make_options, ssv):
+    """What is said is what the FMU does: its rows are those of the delay that the warning names."""
+    options = make_options("isolation", 0.2, parameters=(ssv({"isolator.delay": 2.82833e-3}),))
+    system = load_system(options)
+    (said,) = system.warnings.texts
+    assert re.fullmatch(
+        r"isolator\.delay: 0\.00282833 s \(.*given\.ssv, line 4\) is not a multiple of the step of 0\.0001 s\. The FMU "
+        r"rounds it up: it delays by 0\.0029 s\. Set 0\.0028 s or 0\.0029 s to choose the delay\.", said
+    )  # fmt: skip
+    with Session("isolation", duration=0.2) as session:
+        found = {
+            delay: session.run({"isolator.delay": delay}, cases=("active",)).active["payload_rotation"].values
+            for delay in (2.8e-3, 2.82833e-3, 2.9e-3)
+        }
+    assert np.array_equal(found[2.82833e-3], found[2.9e-3])
+    assert not np.array_equal(found[2.82833e-3], found[2.8e-3])
+    assert read_model(system.structure).isolator_delay == pytest.approx(2.9e-3, rel=1e-12)

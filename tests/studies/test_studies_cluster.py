@@ -210,8 +210,8 @@ def test_a_worker_with_other_modules_or_without_any_is_refused(opened, tmp_path)
 
 
 def test_a_study_goes_over_tls(opened, tmp_path):
-    """As docs/cluster.md says: one certificate, made by openssl, for all."""
-    manual = (Path(__file__).parents[2] / "docs" / "cluster.md").read_text(encoding="utf-8")
+    """As docs/studies.md says: one certificate, made by openssl, for all."""
+    manual = (Path(__file__).parents[2] / "docs" / "studies.md").read_text(encoding="utf-8")
     (command,) = re.findall(r"^openssl .*$", manual, re.MULTILINE)
     subprocess.run(shlex.split(command), cwd=tmp_path, check=True, capture_output=True)
     (settings,) = re.findall(r"```yaml\n(.*?)```", manual, re.DOTALL)

@@ -104,6 +104,18 @@ def test_a_truncated_normal_has_the_share_of_the_normal_between_its_ends():
     assert np.allclose(inside, np.linspace(0.0, 1.0, 1001), rtol=0.0, atol=1e-9)
 
 
+@pytest.mark.parametrize(("low", "high", "first", "last"), [(0.0, 3e-3, 0, 30), (4e-5, 2.96e-3, 1, 29)])
+def test_draws_are_multiples_within_their_ends(low, high, first, last):
+    spread = Spread(low, high, multiple_of=1e-4)
+    shares = np.linspace(0.0, 1.0, 2001)
+    found, exact = spread.quantile(shares), low + shares * (high - low)
+    steps = np.round(found / 1e-4)
+    np.testing.assert_allclose(found, steps * 1e-4, rtol=1e-12)
+    assert (steps.min(), steps.max()) == (first, last)
+    inner = (exact > first * 1e-4) & (exact < last * 1e-4)
+    assert np.abs(found - exact)[inner].max() <= 0.5e-4 + 1e-12
+
+
 def test_a_grid_has_every_combination_once(make_prepared):
     steps = 'distribution = "steps"\nlow = "1"\nhigh = "100"\ncount = 3\nspacing = "log"'
     changes = {

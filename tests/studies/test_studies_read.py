@@ -5,6 +5,7 @@ import pytest
 
 from ps_fmu.requirements.quantity import parse_quantity
 from ps_fmu.studies.study import StudyError
+from ps_fmu.studies.sweep import SweepOptions, prepare
 
 from .conftest import OBSERVE, STUDY
 
@@ -72,6 +73,9 @@ def test_what_is_no_number_of_metres_is_refused(given, problem):
         ("seed = 7", 'seed = 7\nisolate = ["toi"]', r"study, isolate: .*'toi'"),
         ("seed = 7", 'seed = 7\nisolate = 1', "isolate: expected a name, or a list of names"),
         ("seed = 7", 'seed = 7\nstep_timeout = "1 s"', "step_timeout: only FMUs with .* give isolate, too"),
+        ('low = "1"', 'multiple_of = "0"\nlow = "1"', r"multiple_of: expected a number above 0"),
+        ('low = "1"', 'multiple_of = "3"\nlow = "1"', r"multiple_of: there is no multiple of 3 between 1 and 2"),
+        ('low = "1"\nhigh = "2"', 'relative = "9 %"\nlow = "1"', "either low and high, or relative"),
         ('low = "1"', f"low = 1{'0' * 400}", r"low: expected a number up to 1.8e\+308"),
         ('window = "0.02 s"', 'window = "1e308 s"', "whole number of steps"),
         ('low = "1"\nhigh = "2"', 'low = -1e308\nhigh = 1e308', "high: .* too far from"),
@@ -110,13 +114,25 @@ def test_tables_that_cannot_be_used_are_named(make_prepared, table, problem):
 
 
 def test_values_outside_the_bounds_of_the_fmu_are_refused_before_anything_runs(built_fmus, tmp_path):
-    from ps_fmu.studies.sweep import SweepOptions, prepare
-
     path = tmp_path / "far.toml"
     path.write_text(STUDY.replace('system = "toy.ssd"\n', "").replace('"gain"', '"disturbance.noise.scale"')
                     .replace('low = "1"', 'low = "-1"'))  # fmt: skip
     with pytest.raises(StudyError, match=r"case \d, disturbance.noise.scale: .* is outside"):
         prepare(SweepOptions(path, tmp_path / "out"))
+
+
+@pytest.mark.parametrize(("more", "warned"), [("", True), ('multiple_of = "0.1 ms"\n', False)])
+def test_draws_of_a_delay_that_are_no_multiples_of_the_step_are_said(built_fmus, tmp_path, more, warned):
+    path = tmp_path / "late.toml"
+    text = STUDY.replace('system = "toy.ssd"\n', "").replace('step = "1 ms"\n', "")
+    text = text.replace('"gain"', '"isolator.delay"')
+    path.write_text(text.replace('low = "1"\nhigh = "2"', f'{more}low = "0 ms"\nhigh = "3 ms"'))
+    prepared = prepare(SweepOptions(path, tmp_path / "out"))
+    draw, said = float(prepared.plan.draws[0, 0]), " ".join(prepared.system.warnings.texts)
+    acts = 1e-4 * (np.ceil(draw / 1e-4) if warned else round(draw / 1e-4))
+    rounded = f"The FMU rounds each up: case 0 draws {draw:.6g} s and delays by {acts:.6g} s. To draw multiples, write"
+    assert (f"6 of 6 draws are not multiples of the step of 0.0001 s. {rounded} multiple_of" in said) is warned
+    assert warned or draw == pytest.approx(acts, rel=1e-12)
 
 
 def test_a_system_that_is_not_observed_needs_a_table(make_prepared):
@@ -125,8 +141,6 @@ def test_a_system_that_is_not_observed_needs_a_table(make_prepared):
 
 
 def test_all_components_that_have_a_parameter_get_it(built_fmus, tmp_path):
-    from ps_fmu.studies.sweep import SweepOptions, prepare
-
     path = tmp_path / "both.toml"
     vary = '[[vary]]\nparameter = "payload.mass"\nonly = ["plant"]\ndistribution = "normal"\nrelative = "2 %"\n'
     legs = '["fine_leg_1.stiffness", "fine_leg_2.stiffness"]'

@@ -1,5 +1,6 @@
 """What a step does: against the steps written out, continuous time, the theories of the loops, and lines of a wheel."""
 
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -264,8 +265,8 @@ def test_with_sensors_it_is_the_isolation_of_its_own_theory(loop):
 
 
 def test_what_has_no_closed_form_is_refused(loop):
-    with pytest.raises(ParameterError, match=r"delay: expected a multiple of the step of 0\.0001 s, got 0\.00015 s"):
-        make_isolator_block(loop.controller, STEP, 1.5e-4)
+    with pytest.raises(ParameterError, match=r"sample_time: expected a multiple of the step of 0\.0001 s, got 0\.0015"):
+        make_sensors_block(replace(default_sensors(), sample_time=1.503e-3), STEP)
     with pytest.raises(ParameterError, match="delay: expected at most 40 steps in closed form, got 300"):
         make_isolator_block(loop.controller, STEP, 0.03)
     block = Block(("u",), ("y",), np.array([[1.0]]))

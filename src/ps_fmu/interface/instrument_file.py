@@ -12,18 +12,23 @@ from __future__ import annotations
 import importlib.util
 import sys
 from collections import Counter
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
-from ..cosim import read_system
-from ..cosim.description import get_unit, read_descriptions, read_start
+from fmpy.model_description import ModelDescription
+
+from ..cosim import System, read_system
+from ..cosim.description import read_descriptions
 from ..cosim.ssp.writing import start_values_xml
+from ..cosim.structure import Parameter
 from ..files.plain import write_atomically
 from ..mechanism.instrument import Instrument, read_instrument
 from ..product.files import find_product
 from ..slavekit.author.slave import Slave
 from ..slavekit.pack.build import find_folders
 from ..slavekit.pack.errors import BuildError
-from .start_values import Physics, list_settable, make_start_values
+from .start_values import Physics, make_start_values
 
 
 def find_physics(fmus: Path) -> dict[str, Physics]:
@@ -61,8 +66,21 @@ def import_slave(folder: Path) -> type[Slave]:
     raise BuildError(f"{script}: defines no Slave")
 
 
+def read_start_values(
+    source: Path, wired: System, descriptions: Mapping[str, ModelDescription]
+) -> tuple[dict[str, Parameter], tuple[str, ...]]:
+    """Start values of a system's FMUs for the instrument of a TOML file, and warnings on it.
+
+    ``wired``, ``descriptions``: the system, and the model description of each of its components.  Raises as
+    :func:`write_start_values`.
+    """
+    instrument = read_instrument(source)
+    values = make_start_values(instrument, wired, descriptions, find_physics(find_product().fmus))
+    return {name: replace(entry, origin=source.name) for name, entry in values.items()}, instrument.warnings
+
+
 def write_start_values(
-    source: Path, output: Path, system: Path, fmus: Path, bus: str | None = None, *, everything: bool = False
+    source: Path, output: Path, system: Path, fmus: Path | None, bus: str | None = None, *, everything: bool = False
 ) -> list[str]:
     """Write the start values of a system's FMUs for an instrument as an SSV file; lines that say what was done.
 
@@ -97,26 +115,13 @@ def write_start_values(
     ]
 
 
-def list_start_values(system: Path, fmus: Path) -> list[str]:
-    """A line for each parameter and input of a system's FMUs: name, start value, unit, description.
-
-    Raises CosimError: the system or an FMU cannot be used.
-    """
-    descriptions = read_descriptions(read_system(system, fmus))
-    rows = [
-        (f"{component}.{name}", str(read_start(found)), get_unit(found) or "", found.description or "")
-        for component, description in descriptions.items()
-        for name, found in list_settable(description).items()
-    ]
-    widths = [max(len(row[column]) for row in rows) for column in range(3)]
-    return ["  ".join([*(text.ljust(width) for text, width in zip(row, widths, strict=False)), row[3]]) for row in rows]
-
-
 def _describe(instrument: Instrument) -> list[str]:
     p = instrument.parameters
     modes = ", ".join(f"{mode.frequency:g}" for mode in p.bus.modes if mode.active)
     bodies = f"payload {p.payload.mass:g} kg, bus {p.bus.mass:g} kg"
     lines = [f"{bodies}, modes of the bus: {f'{modes} Hz' if modes else 'none'}"]
+    lines += instrument.remarks
+    lines += [f"note: {text}" for text in instrument.warnings]
     if instrument.inherited:
         lines.append(f"from the base: {', '.join(instrument.inherited)}")
     return lines

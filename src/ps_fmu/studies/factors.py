@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from fmpy.model_description import ModelDescription, ModelVariable
@@ -20,6 +20,7 @@ from ..cosim.structure import split_port, suggest_names
 from ..cosim.values import list_items
 from ..requirements.quantity import Quantity, parse_quantity
 from ..runs.setup import RunSystem
+from ..theory.sampled import ON_STEP
 from .study import NORMAL, STEPS, UNIFORM, VALUES, Branch, Vary
 
 PREFIX = "faults."
@@ -74,15 +75,31 @@ class Spread:
     mean: float = 0.0
     sigma: float = 0.0
     """0: uniform."""
+    multiple_of: float = 0.0
+    """Values are rounded to the nearest multiple of it that is between ``low`` and ``high``; 0: they are not."""
 
     def quantile(self, share: ArrayLike) -> Array:
         """Values below which ``share`` (n,), between 0 and 1, of the distribution lies."""
         u = np.clip(np.asarray(share, dtype=float), 2.0**-53, 1.0 - 2.0**-53)  # a sample may have 0: no end of a normal
         if not self.sigma:
-            return np.asarray(self.low + u * (self.high - self.low))
+            return self._round(self.low + u * (self.high - self.low))
         from scipy.stats import truncnorm
 
-        return np.asarray(truncnorm.ppf(u, *self._ends, loc=self.mean, scale=self.sigma))
+        return self._round(truncnorm.ppf(u, *self._ends, loc=self.mean, scale=self.sigma))
+
+    def _round(self, values: ArrayLike) -> Array:
+        if not self.multiple_of:
+            return np.asarray(values)
+        first, last = self.multiples
+        return np.asarray(np.clip(np.round(np.asarray(values) / self.multiple_of), first, last) * self.multiple_of)
+
+    @property
+    def multiples(self) -> tuple[float, float]:
+        """The first and the last multiple between ``low`` and ``high``, in numbers of :attr:`multiple_of`."""
+        low, high = self.low / self.multiple_of, self.high / self.multiple_of
+        return math.ceil(low - ON_STEP) if math.isfinite(low) else low, (
+            math.floor(high + ON_STEP) if math.isfinite(high) else high
+        )
 
     @property
     def deviation(self) -> float:
@@ -217,7 +234,23 @@ def _make_factor(
     if kinds != {"Real"}:
         raise vary.error("distribution", f"{targets[0]} is of the type {kinds.pop()}: give a list of values")
     ratios = _find_ratios(vary, targets, starts)
-    return Factor(vary, unit, targets, ratios, (), _find_spread(vary, starts[0], unit), variables)
+    spread = _find_spread(vary, starts[0], unit)
+    if "multiple_of" in vary.numbers:
+        spread = _round_spread(vary, spread, unit)
+    return Factor(vary, unit, targets, ratios, (), spread, variables)
+
+
+def _round_spread(vary: Vary, spread: Spread, unit: str) -> Spread:
+    """The spread whose values are multiples.  Raises :class:`.study.StudyError` if it has none."""
+    size = _convert(vary, "multiple_of", unit)
+    if not size > 0.0:
+        raise vary.error("multiple_of", f"expected a number above 0, got {vary.numbers['multiple_of']}")
+    found = replace(spread, multiple_of=size)
+    first, last = found.multiples
+    if first > last:
+        ends = f"{spread.low:g} and {spread.high:g} {unit}"
+        raise vary.error("multiple_of", f"there is no multiple of {vary.numbers['multiple_of']} between {ends}")
+    return found
 
 
 def _list_inputs(vary: Vary, system: RunSystem) -> dict[str, tuple[str, ...]]:

@@ -15,21 +15,19 @@ from ..cosim import Column, CosimError, UsageError, Value
 from ..cosim.checkpoint.warm_start import WarmStart
 from ..cosim.clock import StepClock
 from ..cosim.columns import list_run_columns
-from ..cosim.errors import MissingFmuError
 from ..cosim.faults.binding import bind_faults
 from ..cosim.faults.numbers import change_numbers
 from ..cosim.graph import check_wiring
 from ..cosim.schemes.resolving import resolve_scheme
 from ..cosim.ssp.packing import Packed, pack_files
-from ..cosim.ssp.reading import complete_experiment, read_any_system
+from ..cosim.ssp.reading import complete_experiment
 from ..cosim.structure import Experiment, encode_system
-from ..product.files import find_product
 from ..requirements.quantity import Names, Time
-from ..runs.built_fmus import find_built_folder, is_own, list_models, provide_fmus
 from ..runs.keeping import find_source
 from ..runs.options import OptionError, RunOptions
 from ..runs.scenario import Scenario
-from ..runs.setup import SCHEME, ColumnsError, RunSystem, load_system, read_files
+from ..runs.setup import SCHEME, ColumnsError, RunSystem, list_delays, load_system, read_files
+from ..theory.sampled import round_delay
 from .bundle import FAULTS, FMUS, INPUTS, REQUIREMENTS, SYSTEM, TASK, Bundle, Sources, Task, worker_versions
 from .factors import names_faults, split_values
 from .observed import check_signals, check_windows, find_columns, find_signals
@@ -65,27 +63,9 @@ def make_options(study: Study, output: Path) -> RunOptions:
         outside=study.outside,
         isolation=study.isolation,
         fmus=study.fmus,
+        replace=study.replace,
         progress=False,
     )
-
-
-def choose_fmus(study: Study, folder: Path | None) -> Path | None:
-    """Where the FMUs of a study are sought first: in ``folder``, or in that of ps_fmu's own, built if need be.
-
-    None: where the system says.  Raises BuildError, OSError, and CosimError for a system that cannot be read.
-    """
-    if folder is not None or study.system.suffix.lower() in (".ssp", ".fmu"):
-        return folder
-    own = find_built_folder()
-    if not is_own(study.system):
-        try:
-            read_any_system(study.system, outside=study.outside)
-            return None
-        except MissingFmuError as error:
-            if error.fmu.stem not in list_models(find_product().root):
-                raise
-    provide_fmus(own, study.system)
-    return own
 
 
 def load_study_system(study: Study) -> tuple[Study, RunSystem]:
@@ -250,7 +230,27 @@ def check_numbers(plan: Plan, system: RunSystem) -> None:
                 check(int(case))
             except CosimError as error:
                 key = "values" if factor.spread is None else "low"
-                raise factor.vary.error(key, f"case {case}: {error}") from error
+                whole = "" if factor.levels or "whole steps" not in str(error) else (
+                    f'. To draw multiples of the step, write multiple_of = "{1e3 * study.step_s:g} ms"'
+                )  # fmt: skip
+                raise factor.vary.error(key, f"case {case}: {error}{whole}") from error
+
+
+def warn_of_delays(plan: Plan, system: RunSystem) -> None:
+    """Add a warning for each ``[[vary]]`` with draws of a delay that are no multiples of the step."""
+    step, delays = plan.study.step_s, dict(list_delays(system))
+    for factor, draws in zip(plan.factors, plan.draws.T, strict=True):
+        if factor.has_texts or not delays.keys() & set(factor.targets):
+            continue
+        acts = np.array([round_delay(draw, step) for draw in draws.tolist()])
+        if len(rounded := np.flatnonzero(acts != draws)):
+            case = int(rounded[0])
+            size = f"{1e3 * step:g} ms"
+            system.warnings.add(
+                f"{factor.name}: {len(rounded)} of {len(draws)} draws are not multiples of the step of {step:g} s. The "
+                f"FMU rounds each up: case {case} draws {draws[case]:.6g} s and delays by {acts[case]:.6g} s. To draw "
+                f'multiples, write multiple_of = "{size}" in this [[vary]], or values = ["0 ms", "{size}", ...].'
+            )
 
 
 def make_bundle(study: Study, system: RunSystem, sources: Sources) -> Bundle:

@@ -6,7 +6,7 @@ Whether the names in it exist is seen when the system is read.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -34,10 +34,10 @@ VALUES, STEPS, UNIFORM, NORMAL = "values", "steps", "uniform", "normal"
 KEYS_OF = {
     VALUES: ("values",),
     STEPS: ("low", "high", "count", "spacing"),
-    UNIFORM: ("low", "high", "relative"),
-    NORMAL: ("mean", "sigma", "relative", "low", "high"),
+    UNIFORM: ("low", "high", "relative", "multiple_of"),
+    NORMAL: ("mean", "sigma", "relative", "low", "high", "multiple_of"),
 }
-NUMBERS = ("low", "high", "mean", "sigma", "relative")
+NUMBERS = ("low", "high", "mean", "sigma", "relative", "multiple_of")
 WINDOWED = ("MPE", "RPE", "smear", "jitter")
 MOST_CASES = 1_000_000
 DEFAULT_STEP_S = 1e-4  # where the system states none either
@@ -84,6 +84,8 @@ class Vary(Table):
     mean: Quantity | None = None
     sigma: Quantity | None = None
     relative: Quantity | None = None
+    multiple_of: Quantity | None = None
+    """Draws are rounded to the nearest multiple of it."""
     count: Annotated[int, msgspec.Meta(ge=1, le=MOST_CASES)] = 0
     """Of the steps."""
     spacing: Literal["linear", "log"] | None = None
@@ -102,7 +104,7 @@ class Vary(Table):
                 raise ValueError(f"{key}: is missing for {kind}")
         if kind == NORMAL and (self.sigma is None) == (self.relative is None):
             raise ValueError("sigma: expected either sigma or relative, its share of the mean")
-        if kind == UNIFORM and self.relative is not None and len(self.numbers) > 1:
+        if kind == UNIFORM and self.relative is not None and {"low", "high"} & self.numbers.keys():
             raise ValueError("relative: expected either low and high, or relative, the share by which both differ")
 
     @property
@@ -227,6 +229,8 @@ class _Study(Table):
     inputs: Path | None = None
     disturbance: Path | None = None
     outside: bool = False
+    replace: dict[str, str] = {}
+    """FMUs in place of components, by their names."""
     seeds: Literal["independent", "common"] | None = None
     timeout: Time | None = None
     isolate: Any = False
@@ -303,6 +307,8 @@ class Study:
     """Whether the file states the step; else it is that of the system, where that states one."""
     outside: bool = False
     """Whether the system may use files outside of its folder or archive."""
+    replace: Mapping[str, Path] = field(default_factory=dict)
+    """FMUs in place of components, by their names."""
     branch: Branch | None = None
     """The state in which each run begins; None: that of the initialisation."""
 
@@ -353,6 +359,7 @@ def read_study(path: Path) -> Study:
         inputs=table.inputs and _find(path, table, "inputs", table.inputs),
         disturbance=table.disturbance and _find(path, table, "disturbance", table.disturbance),
         outside=table.outside,
+        replace={name: _find(path, table, "replace", Path(fmu)) for name, fmu in table.replace.items()},
         branch=None if file.from_ is None else _find_checkpoint(path, file.from_),
     )
 

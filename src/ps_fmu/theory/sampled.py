@@ -24,6 +24,7 @@ Where no spring is at work, well above the modes of the bus, all three together 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -46,6 +47,7 @@ FORCES = tuple(f"fine_force_{i}" for i in (1, 2, 3))  # N
 WRENCH = tuple(f"base_{kind}.{axis}" for kind in ("force", "torque") for axis in "xyz")  # N, N.m; B at its origin
 ACCELERATION = tuple(f"base_{kind}.{axis}" for kind in ("acceleration", "angular_acceleration") for axis in "xyz")
 LONGEST_DELAY = 40  # steps that a delay line has states for; the time to solve grows with the third power of all states
+ON_STEP = 1e-6  # of a step: by so much a time may differ from a multiple of it
 LOOP_DELAY = 1.5  # steps of delay in the loop: the exchange takes one, a force held for a step is half a step late
 _AT_ONCE = 64  # frequencies: 8 MB with the isolator
 _FORCES, _WRENCH, _ACCELERATION = slice(0, 3), slice(3, N_LOADS), slice(0, 6)  # of the plant's inputs and outputs
@@ -100,8 +102,8 @@ def make_plant_block(model: PlantModel, h: float) -> Block:
 
 
 def make_isolator_block(controller: Controller, h: float, delay: float = 0.0) -> Block:
-    """The isolator at an orientation; its forces have a pure delay, s."""
-    return Block(ACCELERATION, FORCES, controller.step_map(h)).delayed(_count(delay, h, "delay"))
+    """The isolator at an orientation; its forces have a pure delay, s, see :func:`round_delay`."""
+    return Block(ACCELERATION, FORCES, controller.step_map(h)).delayed(round(round_delay(delay, h) / h))
 
 
 def make_sensors_block(sensors: InertialSensors, h: float) -> Block:
@@ -122,7 +124,7 @@ def make_sensors_block(sensors: InertialSensors, h: float) -> Block:
     noise = tuple(f"noise_{k + 1}" for k in range(ACCELEROMETERS))
     every = max(_count(sensors.sample_time, h, "sample_time"), 1)
     block = Block((*ACCELERATION, *noise), names, np.vstack([outputs, states]))
-    return block.delayed(_count(sensors.latency, h, "latency"), every)
+    return block.delayed(round(round_delay(sensors.latency, h) / h), every)
 
 
 def make_coils_block(coils: Coils, h: float) -> Block:
@@ -198,10 +200,16 @@ def _join(blocks: Mapping[str, Block], part: str) -> Array:
     return joined
 
 
+def round_delay(delay: float, h: float) -> float:
+    """The delay that an FMU makes of a delay, both s: the next multiple of its step h, s, where it is none."""
+    steps = round(delay / h)
+    return delay if abs(delay / h - steps) <= ON_STEP else math.ceil(delay / h) * h
+
+
 def _count(time: float, h: float, name: str) -> int:
     """Steps in a time, both in s; ``ParameterError`` unless it is a whole number."""
     count = round(time / h)
-    if abs(time / h - count) > 1e-6:
+    if abs(time / h - count) > ON_STEP:
         raise ParameterError(name, f"expected a multiple of the step of {h:g} s, got {time:g} s")
     return count
 

@@ -239,9 +239,16 @@ class _Binder:
         if steps is None or steps > LONGEST_DELAY:
             raise UsageError(
                 f"value: expected a delay of whole steps of {self._clock.step:g} s, {LONGEST_DELAY} at most, "
-                f"got {event.value!r} s"
+                f"got {event.value!r} s{self._name_neighbours(float(event.value))}"
             )
         return steps
+
+    def _name_neighbours(self, delay_s: float) -> str:
+        """The nearest delays of whole steps, as the end of a message; empty where there is none."""
+        count = math.floor(delay_s / self._clock.step) if math.isfinite(delay_s) else -1
+        if not 0 <= count < LONGEST_DELAY:
+            return ""
+        return f": the nearest are {count * self._clock.step:.9g} s and {(count + 1) * self._clock.step:.9g} s"
 
 
 # ---- what summaries and figures say ---------------------------------------------------------------------------------
