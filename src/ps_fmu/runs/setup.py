@@ -134,18 +134,26 @@ class SystemFiles:
 def read_files(options: RunOptions) -> SystemFiles:
     """Read a system; one that is foreign as SSP says, with the values of the parameter files behind all its bindings.
 
-    Raises :class:`ps_fmu.cosim.SystemFileError` or :class:`ps_fmu.cosim.UsageError`, naming the file and line.
+    Raises :class:`ps_fmu.cosim.SystemFileError` or :class:`ps_fmu.cosim.UsageError`, naming the file and line, and
+    :class:`OptionError` for an FMU that cannot take the place of a component.
     """
     warnings = WarningLog()
     if not options.scenario.foreign:
         structure = read_system(options.system, options.fmus, outside=options.outside)
-        structure = replace_components(structure, options.replace)
+        structure = _replace_components(structure, options)
         return SystemFiles(structure, read_descriptions(structure))
     with warnings.collect():
         sets = [read_parameters(path).entries() for path in options.parameters]
         structure = read_any_system(options.system, options.fmus, outside=options.outside, values=sets)
-        structure = replace_components(structure, options.replace)
+        structure = _replace_components(structure, options)
         return SystemFiles(structure, read_descriptions(structure, lenient=True), warnings.texts)
+
+
+def _replace_components(structure: System, options: RunOptions) -> System:
+    try:
+        return replace_components(structure, options.replace)
+    except UsageError as error:
+        raise OptionError(f"--replace: {str(error).removeprefix('--replace: ')}") from error
 
 
 def settle_times(options: RunOptions, files: SystemFiles) -> RunOptions:
