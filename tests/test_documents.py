@@ -100,7 +100,7 @@ def test_texts_of_pictures_lie_within_them_apart_and_follow_the_colours_of_the_r
         for scheme in ("light", "dark"):
             browser.prefer(scheme)
             paper.append(browser.evaluate("getComputedStyle(document.querySelector('.f-paper')).fill"))
-        assert paper == ["rgb(255, 255, 255)", "rgb(21, 24, 28)"]
+        assert paper == ["rgb(255, 255, 255)", "rgb(20, 24, 30)"]
 
 
 def test_the_study_of_the_schemes_is_drawn(tmp_path):
