@@ -104,13 +104,13 @@ def test_texts_of_pictures_lie_within_them_apart_and_follow_the_colours_of_the_r
 
 
 def test_the_study_of_the_schemes_is_drawn(tmp_path):
-    """With two steps, which the table of docs/schemes.md has among others."""
+    """With two steps, which the table of docs/any-system.md has among others."""
     schemes = script("draw_schemes")
     steps = {name: own[:2] for name, own in schemes.STEPS.items()}
     found = schemes.measure(steps)
     schemes.draw(tmp_path / "schemes.png", found, steps)
     assert (tmp_path / "schemes.png").stat().st_size > 10_000
-    text = (ROOT / "docs" / "schemes.md").read_text(encoding="utf-8")
+    text = (ROOT / "docs" / "any-system.md").read_text(encoding="utf-8")
     kept = re.findall(r"^\| ((?:jacobi|gauss-seidel|iterated), \w+) \| (.*) \|$", text, re.MULTILINE)
     for row, (name, cells) in zip(schemes.list_rows(found, steps), kept, strict=True):
         made, there = row.split(" | ")[1:], cells.split(" | ")
@@ -119,7 +119,7 @@ def test_the_study_of_the_schemes_is_drawn(tmp_path):
 
 
 def test_the_architecture_names_each_package():
-    text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    text = (ROOT / "docs" / "developers" / "architecture.md").read_text(encoding="utf-8")
     packages = [path.parent.name for path in (ROOT / "src" / "ps_fmu").glob("*/__init__.py")]
     assert len(packages) > 15
     assert [name for name in packages if f"`{name}`" not in text] == []

@@ -25,7 +25,7 @@ from ps_fmu.mechanism.mounted import (
 )
 from ps_fmu.mechanism.parameters import Bus, load
 from ps_fmu.mechanism.quantities import ParameterError, take_values
-from ps_fmu.mechanism.signals import N_EXTERNAL, N_INPUTS, OUTPUTS, RATE, TIME, servo_slices
+from ps_fmu.mechanism.signals import N_EXTERNAL, N_INPUTS, OUTPUTS, RATE, TIME, count_states, servo_slices
 from ps_fmu.mechanism.slews import (
     AT_REST,
     RENEWAL,
@@ -45,18 +45,19 @@ from ps_fmu.slavekit.author.terminals import Terminal
 from ps_fmu.slavekit.author.variables import Port, numbered, vector
 
 DEFAULT = Plant.from_parameters(load())
+MOST = DEFAULT.most_coordinates  # those of modes in unused places have zeros in the state, and cost nothing
 INPUT: dict[str, Any] = {"causality": "input"}
 MOTION: dict[str, Any] = {"causality": "input", "nominal": 1e-3}
 MEMORY = {
     "centre": N_CENTRE,
-    "curve": count_curve(DEFAULT.n_coordinates),
+    "curve": count_curve(MOST),
     "expected": N_PATH,  # what is on the path now
     "since": 2,  # time from the centre, s, and its square
     "begun": 7,  # when the linear model began: time, s, references of the coarse legs, m, and their rates, m/s
     **dict.fromkeys(("left", "over", "zero"), 1),  # of the way, s: time to its end, and how far that is too little
     "terms": 3 * N_PATH,
     **dict.fromkeys(("within", "excess", "warned", "last"), 3),  # of the coarse legs
-    "balance": count_balance(DEFAULT.n_coordinates),
+    "balance": count_balance(MOST),
 }
 COARSE = slice(6, 9)  # on the path
 PATH = slice(1, 1 + 3 * N_PATH)  # in the numbers of a Curve, after its half
@@ -70,7 +71,7 @@ class ManipulatorPlant(Slave):
 
     model_description = "Pointing and stabilising manipulator with payload on a free flexible bus: linearised dynamics"
     physics: ClassVar[type] = Plant
-    n_states: ClassVar[int] = DEFAULT.n_states
+    n_states: ClassVar[int] = count_states(MOST)
     n_auxiliary: ClassVar[int] = N_INPUTS - N_EXTERNAL  # inputs of the model that a slew makes, and its constant 1
     n_memory: ClassVar[int] = sum(MEMORY.values())
 
@@ -140,6 +141,7 @@ class ManipulatorPlant(Slave):
     )
 
     plant: Plant
+    state: NDArray[np.float64]  # of the model: the first numbers of x
     model: PlantModel
     maps: HostedModel
     own_bus: Bus
@@ -157,29 +159,31 @@ class ManipulatorPlant(Slave):
         model = self.plant.linearise_about(at_rest)
         own_B = self.initial.initial_angular_velocity_B
         turn_B = self.view("prescribed_angular_velocity") if self.prescribed else own_B
-        self.x[:] = self.plant.initial_state(model, turn_B)
+        self.x[:] = 0.0
+        self.state[:] = self.plant.initial_state(model, turn_B)
         if self.prescribed:
-            self.x[promised_impulse(model.dynamics)] = 0.0
+            self.state[promised_impulse(model.dynamics)] = 0.0
         self.memory[:] = 0.0
         if turn_B.any():
-            model = self.plant.linearise_about(self.plant.turning_centre(model, self.x))
+            model = self.plant.linearise_about(self.plant.turning_centre(model, self.state))
         self._take(model, stay(model))
-        self.balance.begin(model, self.x, self.start_time)
+        self.balance.begin(model, self.state, self.start_time)
         self.a[:-1], self.a[-1] = 0.0, 1.0
         self._warn_of_unused()
         self.request_event()
 
     def output_map(self) -> NDArray[np.float64]:
         """Outputs from [x; u; a] at the same instant."""
-        return self._with_command(self.maps.output_map())
+        return self._widen(self.maps.output_map())
 
     def step_map(self, h: float) -> NDArray[np.float64]:
         """[y; x] at the end of a step from [x; u; a] at its start."""
-        return self._with_command(self.maps.step_map(h))
+        return self._widen(self.maps.step_map(h), self.n_states - len(self.state))
 
     def split_map(self, h: float) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
         """x at the end of a step, then y from it."""
-        return self.maps.split_map(h, len(self.command))
+        found = self.maps.split_map(h)
+        return found and (self._widen(found[0], self.n_states - len(self.state)), self._widen(found[1]))
 
     def before_map(self, h: float) -> Sequence[Element]:
         """The reference of the coarse servos goes to the command, within the stroke and limited in rate."""
@@ -213,7 +217,7 @@ class ManipulatorPlant(Slave):
     def _list_after(self, h: float, moving: bool, distances: Distances) -> list[Element]:
         others = np.delete(np.arange(N_PATH), COARSE)
         allowed = np.repeat([distances.fine, distances.rotation, distances.coarse_speed], 3)
-        now, expected = self.places(self.x)[places_on_path(self.model)], self.places(self.expected)
+        now, expected = self.places(self.state)[places_on_path(self.model)], self.places(self.expected)
         return [
             *(self._list_time(h) if moving else ()),
             Watch(now[COARSE], expected[COARSE], distances.coarse, last=self.last, least=AT_REST),
@@ -240,15 +244,15 @@ class ManipulatorPlant(Slave):
         command = self.plant.within_stroke(self.command)
         self._warn_of_stroke(self.command - command)
         if self.prescribed:
-            self.x[self.maps.rate_places] = self.view("prescribed_angular_velocity")
-        if is_at_rest(self.model, self.x, command):
-            self.x[:] = rest_at(self.model, self.x, command)
+            self.state[self.maps.rate_places] = self.view("prescribed_angular_velocity")
+        if is_at_rest(self.model, self.state, command):
+            self.state[:] = rest_at(self.model, self.state, command)
         u = np.concatenate([self.u[:N_EXTERNAL], self.a])
         u[TIME] = self.since
         growth = find_growth(t - self.begun[0], self.reference - self.begun[1:4], self.begun[4:], u[RATE], self.renewal)
-        way = look_ahead(self.model, self.x, u, growth, self.renewal, h, self.prescribed)
-        centre = find_next_centre(self.model, self.x, self.since[0], way, command, self.renewal, self.prescribed)
-        if is_used_up(self.model, self.x, self.renewal, centre):
+        way = look_ahead(self.model, self.state, u, growth, self.renewal, h, self.prescribed)
+        centre = find_next_centre(self.model, self.state, self.since[0], way, command, self.renewal, self.prescribed)
+        if is_used_up(self.model, self.state, self.renewal, centre):
             self._replace_model(centre, way, u, t)
         return False
 
@@ -263,16 +267,16 @@ class ManipulatorPlant(Slave):
     def _replace_model(self, centre: Centre, way: Way, u: NDArray[np.float64], t: float) -> None:
         moving = bool(centre.speeds.any())
         others = find_ends(self.model, centre, way) if moving and not self.prescribed else ()
-        now = find_displacements(self.model, self.x)[None, :]
+        now = find_displacements(self.model, self.state)[None, :]
         model, ends, place = self.plant.linearise_on_way(centre, others, now)
         if self.prescribed:
             impulse = promised_impulse(self.model.dynamics)
-            self.x[impulse] += relative_momentum_taken(self.model, model, self.x)
+            self.state[impulse] += relative_momentum_taken(self.model, model, self.state)
             curve = stay(model, way.half if moving else 0.0)
         else:
-            self.x[:] = self.balance.settle(self.model, self.x, t, Place(place.pose[0], place.jacobians[0]))
+            self.state[:] = self.balance.settle(self.model, self.state, t, Place(place.pose[0], place.jacobians[0]))
             curve = find_curve(model, ends, way, u) if moving else stay(model)
-            self.balance.go_on(self.x, t, -float(curve.half[0]))
+            self.balance.go_on(self.state, t, -float(curve.half[0]))
         self.since[:] = -curve.half[0], curve.half[0] ** 2
         self.begun[:] = np.concatenate([[t], self.reference, u[RATE]])
         self._take(model, curve)
@@ -290,13 +294,16 @@ class ManipulatorPlant(Slave):
         self.command, self.motion = self.view("coarse_command"), self.u[N_EXTERNAL : N_EXTERNAL + N_MOTION]
         parts = dict(zip(MEMORY, np.split(self.memory, np.cumsum(list(MEMORY.values()))[:-1]), strict=True))
         self.centre, self.curve, self.expected = (parts[name] for name in ("centre", "curve", "expected"))
+        n = self.plant.n_coordinates
+        self.curve, balance = self.curve[: count_curve(n)], parts["balance"][: count_balance(n)]
         self.since, self.begun, self.terms = (parts[name] for name in ("since", "begun", "terms"))
         self.left, self.over, self.zero = (parts[name] for name in ("left", "over", "zero"))
         self.within, self.excess, self.warned, self.last = (
             parts[name] for name in ("within", "excess", "warned", "last")
         )
-        self.balance = Balance(self.plant.system, parts["balance"])
-        self.reference = self.x[servo_slices(self.plant.n_coordinates)[2]]
+        self.balance = Balance(self.plant.system, balance)
+        self.state = self.x[: self.plant.n_states]
+        self.reference = self.state[servo_slices(self.plant.n_coordinates)[2]]
         self.lists: dict[str, tuple[tuple[Any, ...], list[Element]]] = {}
 
     def _take(self, model: PlantModel, curve: Curve) -> None:
@@ -309,11 +316,18 @@ class ManipulatorPlant(Slave):
             self.a[SINCE] = 0.0
             self.expected[:] = curve.path[:, 0]
 
-    def _with_command(self, matrix: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Columns of the coarse command, zero: it acts through the servos' reference."""
-        at, n = self.n_states + N_EXTERNAL + N_MOTION, len(self.command)
-        wide = np.zeros((len(matrix), matrix.shape[1] + n))
-        wide[:, :at], wide[:, at + n :] = matrix[:, :at], matrix[:, at:]
+    def _widen(self, matrix: NDArray[np.float64], rows: int = 0) -> NDArray[np.float64]:
+        """Columns and ``rows`` of zeros for the states of unused places.
+
+        And columns for the coarse command, which acts through the servos' reference.
+        """
+        n, n_command = len(self.state), len(self.command)
+        at = n + N_EXTERNAL + N_MOTION
+        behind, last = self.n_states + N_EXTERNAL + N_MOTION, matrix.shape[1] - at
+        wide = np.zeros((len(matrix) + rows, behind + n_command + last))
+        known = wide[: len(matrix)]
+        known[:, :n], known[:, self.n_states : behind] = matrix[:, :n], matrix[:, n:at]
+        known[:, behind + n_command :] = matrix[:, at:]
         return wide
 
     def _read_base(self, base: str) -> bool:

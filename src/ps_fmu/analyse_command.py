@@ -13,17 +13,14 @@ from typing import TYPE_CHECKING, Any
 
 from .analyses.table import ANALYSES, Analysis, AnalysisOptions
 from .product.files import find_file, find_product
-from .runs.built_fmus import find_built_folder
+from .runs.built_fmus import choose_fmus
+from .system_commands import OPTIONS, add_system_options
 from .terminal import read_output, reason
 
 if TYPE_CHECKING:
     from .analyses.result import AnalysisResult
 
 _OPTIONS: dict[str, dict[str, Any]] = {
-    "parameters": {
-        "type": Path, "nargs": "+", "action": "extend", "default": [], "metavar": "F.ssv",
-        "help": "files with start values, own ones or those of ps_fmu; later ones win",
-    },
     "requirements": {"type": Path, "metavar": "F.toml", "help": "default: requirements.toml of ps_fmu"},
     "uncertainty": {
         "type": float, "nargs": "+", "default": [], "metavar": "X",
@@ -37,14 +34,13 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     analyse = commands.add_parser("analyse", help="the paper's numbers and figures, recomputed; design trades")
     names = analyse.add_subparsers(title="analyses", required=True, metavar="NAME", dest="analysis")
     default = "default: %(default)s"
-    fmus = "folder of the built FMUs (default: those of ps_fmu, built if they are not)"
     for name, analysis in ANALYSES.items():
         parser = names.add_parser(name, help=analysis.about, description=analysis.about)
         parser.add_argument("--output", type=read_output, metavar="DIR", help=f"folder of the results (results/{name})")
-        parser.add_argument("--fmus", type=Path, metavar="DIR", help=fmus)
-        parser.add_argument("--system", type=Path, metavar="F.ssd", help=f"default: {analysis.system} of ps_fmu")
+        common = [name for name in OPTIONS if name in ("system", "fmus", *analysis.takes)]
+        add_system_options(parser, *common, default=f"{analysis.system} of ps_fmu")
         parser.add_argument("--seed", type=int, default=AnalysisOptions.seed, metavar="N", help=default)
-        for option in analysis.takes:
+        for option in (name for name in analysis.takes if name in _OPTIONS):
             parser.add_argument(f"--{option}", **_OPTIONS[option])
         parser.set_defaults(run=run)
 
@@ -87,13 +83,14 @@ def _analyse(analysis: Analysis, arguments: argparse.Namespace, output: Path) ->
     check_seed(arguments.seed)
     product = find_product()
     system = product.system / analysis.system if arguments.system is None else find_file(arguments.system)
-    fmus = find_built_folder() if arguments.fmus is None else arguments.fmus
+    fmus = choose_fmus(system, arguments.fmus)
     if analysis.needs_fmus:
         check_sources(system)
     claim_folder(output)
     progress = sys.stderr is not None and sys.stderr.isatty()
     options = _read_options(arguments, output, fmus, system, progress)
-    own = bool(options.parameters) or system.resolve() != (product.system / analysis.system).resolve()
+    others = system.resolve() != (product.system / analysis.system).resolve()
+    own = bool(options.parameters or options.replace) or others
     result = analysis.load(own=own)(options)
     result.write(output)
     return result
@@ -105,8 +102,10 @@ def _list_files(output: Path) -> set[tuple[Path, int]]:
 
 
 def _read_options(
-    arguments: argparse.Namespace, output: Path, fmus: Path, system: Path, progress: bool
+    arguments: argparse.Namespace, output: Path, fmus: Path | None, system: Path, progress: bool
 ) -> AnalysisOptions:
+    from .runs.options import read_replacements
+
     requirements = getattr(arguments, "requirements", None)
     return AnalysisOptions(
         output,
@@ -114,6 +113,7 @@ def _read_options(
         system,
         arguments.seed,
         progress,
+        replace=read_replacements(getattr(arguments, "replace", ())),
         parameters=tuple(find_file(path) for path in getattr(arguments, "parameters", ())),
         requirements=None if requirements is None else find_file(requirements),
         uncertainty=tuple(getattr(arguments, "uncertainty", ())),

@@ -19,9 +19,11 @@ from . import __version__
 from .analyse_command import add_parser as add_analyse
 from .child_processes import use_one_thread
 from .judge_command import add_parser as add_judge
-from .product.files import find_file, find_product
+from .product.files import find_product
 from .runs.built_fmus import find_built_folder, provide_fmus
 from .sweep_command import add_parser as add_sweep
+from .system_commands import add_parsers as add_system_commands
+from .system_commands import add_system_options
 from .terminal import LazyParser, group_commands, read_output, reason, run_command
 
 EXIT_OK = 0
@@ -29,13 +31,12 @@ EXIT_FAILED = 1
 EXIT_REFUSED = 2  # as argparse on arguments that it does not understand
 EXIT_INTERRUPTED = 130
 
-_DEFAULT_SYSTEM = "SystemStructure.ssd"
 _IDENTIFY = "ps_fmu.paper.identification.identify_command:add_arguments"
 _LISTED = (("identify", "find a parameter set from the published numbers", _IDENTIFY),)
 """Commands of rooms that nothing else knows: name, words of the help, and what adds the arguments to a parser."""
 _GROUPS = {
     "run and judge": ("run", "judge", "sweep", "analyse"),
-    "my instrument": ("parameters", "ssp"),
+    "my instrument": ("parameters", "list", "ssp", "new"),
     "build and check FMUs": ("build", "wrap", "check", "crosscheck"),
     "the paper": ("identify",),
 }
@@ -84,8 +85,7 @@ def parser() -> argparse.ArgumentParser:
     _add_build(commands)
     _add_wrap(commands)
     _add_check(commands)
-    _add_ssp(commands)
-    _add_parameters(commands)
+    add_system_commands(commands)
     _add_crosscheck(commands)
     add_analyse(commands)
     _add_listed(commands)
@@ -238,124 +238,13 @@ def _check(options: argparse.Namespace) -> int:
     return EXIT_OK if all(good) else EXIT_FAILED
 
 
-def _add_ssp(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    ssp = commands.add_parser(
-        "ssp",
-        help="write the system as one .ssp file",
-        description="Write wiring, FMUs and start values into one SSP 1.0 archive for other simulators.",
-    )
-    ssp.add_argument("--output", type=read_output, required=True, metavar="FILE.ssp")
-    _add_system_options(ssp)
-    ssp.add_argument(
-        "--parameters",
-        type=Path,
-        nargs="+",
-        action="extend",
-        default=[],
-        metavar="F.ssv",
-        help="files with other start values, by component.parameter; later ones win",
-    )
-    ssp.set_defaults(run=_ssp)
-
-
-def _add_system_options(command: argparse.ArgumentParser) -> None:
-    command.add_argument(
-        "--system",
-        type=Path,
-        metavar="FILE.ssd",
-        help="system description: yours, or one of ps_fmu by its name, as ps-fmu run --help lists them "
-        f"(default: {_DEFAULT_SYSTEM})",
-    )
-    _add_fmus_option(command)
-
-
-def _add_fmus_option(command: argparse.ArgumentParser) -> None:
-    command.add_argument(
-        "--fmus", type=Path, metavar="DIR", help="the built FMUs (default: those of ps_fmu, built if they are not)"
-    )
-
-
-def _find_system(options: argparse.Namespace) -> tuple[Path, Path]:
-    """System description and folder of the built FMUs.  Raises BuildError, CosimError, OSError."""
-    given = options.system
-    system = find_product().system / _DEFAULT_SYSTEM if given is None else find_file(given)
-    return system, options.fmus or _provide(system)
-
-
-def _provide(system: Path | None = None) -> Path:
-    """The product's FMUs, built if they are not: the folder."""
-    folder = find_built_folder()
-    provide_fmus(folder, system)
-    return folder
-
-
-def _ssp(options: argparse.Namespace) -> int:
-    from .cosim import CosimError, read_parameters, read_system, write_ssp
-    from .slavekit.pack.errors import BuildError
-
-    try:
-        system = read_system(*_find_system(options))
-        for path in map(find_file, options.parameters):
-            system = system.with_parameters(read_parameters(path))
-        write_ssp(system, options.output)
-        print(f"{options.output}  {options.output.stat().st_size / 1e3:.0f} kB")
-    except (BuildError, CosimError, OSError) as error:
-        print(f"ps-fmu ssp: {reason(error)}", file=sys.stderr)
-        return EXIT_FAILED
-    return EXIT_OK
-
-
-def _add_parameters(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    command = commands.add_parser(
-        "parameters",
-        help="write the start values of all FMUs for one's own instrument",
-        description="Read an instrument from a TOML file in the form of paper.toml, and write the start values of all "
-        "FMUs of a system for --parameters.  With base = \"paper\" a file gives only what differs.  See "
-        "system/parameters/README.md.",
-    )
-    command.add_argument("instrument", type=Path, nargs="?", metavar="INSTRUMENT.toml")
-    command.add_argument("--output", type=read_output, metavar="FILE.ssv")
-    command.add_argument(
-        "--list", action="store_true", help="write nothing; list name, start value, unit and description of all values"
-    )
-    command.add_argument("--bus", metavar="NAME", help="which [bus.NAME] (default: the file's own [bus], or else OSM)")
-    _add_system_options(command)
-    command.add_argument("--all", action="store_true", help="write also what the FMUs start with anyway")
-    command.set_defaults(run=_parameters, refuse=command.error)
-
-
-def _parameters(options: argparse.Namespace) -> int:
-    from .cosim.errors import CosimError
-    from .interface.instrument_file import list_start_values, write_start_values
-    from .mechanism.quantities import ParameterError
-    from .slavekit.pack.errors import BuildError
-
-    if options.list == (options.instrument is not None) or options.list == (options.output is not None):
-        options.refuse("expected INSTRUMENT.toml and --output FILE.ssv, or --list without them")
-    try:
-        system = _find_system(options)
-        if options.list:
-            lines = list_start_values(*system)
-        else:
-            instrument = find_file(options.instrument)
-            lines = write_start_values(instrument, options.output, *system, options.bus, everything=options.all)
-        print(*lines, sep="\n")
-    except ParameterError as error:
-        print(f"ps-fmu parameters: {options.instrument}: {error}", file=sys.stderr)
-        return EXIT_FAILED
-    except (BuildError, CosimError, OSError) as error:
-        print(f"ps-fmu parameters: {reason(error)}", file=sys.stderr)
-        return EXIT_FAILED
-    return EXIT_OK
-
-
 def _add_crosscheck(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     crosscheck = commands.add_parser(
         "crosscheck",
         help="compare the FMUs with their reference runs",
         description="Run each FMU with its inputs and options (FMI cross-check rules 4.1) and compare.",
     )
-    _add_fmus_option(crosscheck)
+    add_system_options(crosscheck, "fmus")
     crosscheck.add_argument(
         "--references",
         type=Path,
@@ -375,7 +264,9 @@ def _crosscheck(options: argparse.Namespace) -> int:
         if options.write and options.references is None and not find_product().in_checkout:
             raise BuildError("--write: say with --references where to write")
         references = crosscheck.find_references(options.references or find_product().fmus)
-        fmus = options.fmus or _provide()
+        fmus = options.fmus or find_built_folder()
+        if options.fmus is None:
+            provide_fmus(fmus)
         for reference in references:
             fmu = fmus / f"{reference.model}.fmu"
             result = crosscheck.simulate(fmu, reference)

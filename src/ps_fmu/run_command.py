@@ -19,18 +19,16 @@ from .cosim.checkpoint import add_checkpoint_options
 from .cosim.errors import CosimError, MissingFmuError, UsageError
 from .cosim.isolation.instance import add_isolation_options
 from .cosim.schemes.scheme import add_scheme_options, read_scheme
-from .cosim.ssp.reading import read_system
 from .product.files import list_system_files
-from .runs.built_fmus import find_built_folder
 from .runs.keeping import read_run
 from .runs.options import OptionError, RunOptions, claim_folder, make_options, name_option
 from .runs.output import hold_folder, leave_no_empty_folder, report_end
 from .runs.run import build_fmus, execute
 from .runs.scenario import SCENARIOS
 from .slavekit.pack.errors import BuildError
+from .system_commands import add_system_options
 from .terminal import read_output, reason
 
-_PLANT = "plant"  # the component that all scenarios need
 ABOUT = (
     "Run a scenario of the pointing manipulator, or any system of FMUs (FMI 2.0, co-simulation): an SSP archive, a "
     "system structure description, libcosim's OspSystemStructure.xml, a folder with one of these, or a single FMU.  "
@@ -83,26 +81,15 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
 
 def _add_what(group: argparse._ArgumentGroup) -> None:
     system = group.add_mutually_exclusive_group()
-    system.add_argument(
-        "--system", type=Path, metavar="FILE.ssd",
-        help="another system than that of the scenario; FMUs that ps_fmu has not are found by their source",
-    )  # fmt: skip
+    add_system_options(system, "system", default="that of the scenario")
     system.add_argument(
         "--ssp", dest="system", type=Path, metavar="FILE.ssp", help="the same with its FMUs, made by ps-fmu ssp"
     )
-    group.add_argument(
-        "--parameters", dest="parameter_files", type=Path, nargs="+", action="extend", default=[], metavar="F.ssv",
-        help="files with other start values, by component.parameter; later ones win",
-    )  # fmt: skip
+    add_system_options(group, "parameters", "replace", "fmus", parameters="parameter_files")
     group.add_argument(
         "--apart", nargs="+", action="extend", default=[], metavar="NAME",
         help="parameters, or beginnings of their names such as isolator.payload, that differ from the plant's on "
         "purpose: no warning",
-    )  # fmt: skip
-    group.add_argument(
-        "--fmus", type=Path, metavar="DIR",
-        help="folder with the FMUs of a description, found by their file names; those of ps_fmu's own systems are "
-        "found and built without it",
     )  # fmt: skip
     group.add_argument(
         "--outside", action="store_true", help="let the system use files outside of its folder or archive"
@@ -213,32 +200,16 @@ def run(arguments: argparse.Namespace, command_line: argparse.ArgumentParser) ->
         except OptionError as error:  # one that needs the system to be seen, such as a path that takes longer
             command_line.error(str(error))
         except (BuildError, CosimError, OSError, ValueError) as error:
-            return report_end(program, reason(error) + _suggest(options, error), options.output, 1, error)
+            return report_end(program, reason(error) + _suggest_folder(options, error), options.output, 1, error)
     if done.failures:
         print(f"{program}: {done.failures}\n{program}: all results are written: {options.output}", file=sys.stderr)
         return 1
     return 0
 
 
-def _suggest(options: RunOptions, error: Exception) -> str:
-    """What to type for a run that failed; nothing where there is no such hint."""
-    if options.is_plain:
-        return _suggest_folder(options, error)
-    try:
-        names = {component.name for component in read_system(options.system, options.fmus, lenient=True).components}
-    except (CosimError, OSError):
-        names = {_PLANT}
-    if _PLANT in names:
-        return ""
-    return f"\nThe system has no {_PLANT!r}, which scenarios need: ps-fmu run {options.system} runs any system"
-
-
 def _suggest_folder(options: RunOptions, error: Exception) -> str:
     """What to type for an FMU that is not where the system says."""
     if not isinstance(error, MissingFmuError) or options.system.suffix.lower() not in (".ssd", ".xml"):
         return ""
-    command = shlex.join(["ps-fmu", "run", str(options.system), "--fmus"])
-    folder = find_built_folder()
-    if options.fmus is None and (folder / error.fmu.name).is_file():
-        return f"\nThere is one in {folder}: {command} {shlex.quote(str(folder))}"
-    return f"\n{command} DIR takes FMUs by their file names from a folder"
+    what = [str(options.system)] if options.is_plain else [options.scenario.name, "--system", str(options.system)]
+    return f"\n{shlex.join(['ps-fmu', 'run', *what, '--fmus'])} DIR takes FMUs by their file names from a folder"

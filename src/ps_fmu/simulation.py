@@ -40,7 +40,7 @@ def simulate(
     Parameters
     ----------
     scenario: one of those that ``ps-fmu run --help`` lists, or any system: an ``.ssp``, ``.ssd``, ``.xml`` or ``.fmu``.
-    parameters: start values by ``component.parameter``, in the units of ``ps-fmu parameters --list``; stronger than
+    parameters: start values by ``component.parameter``, in the units of ``ps-fmu list``; stronger than
         ``parameter_files``.
     seed: of the disturbance, 1 by default.
     cases: names of those to run, by default all; of scenarios that compare two cases.
@@ -57,7 +57,7 @@ def simulate(
     disturbance: recorded force and torque on the bus, a CSV or netCDF file, in place of the noise.
     system: another system than that of the scenario: an ``.ssd`` file, own or of ps_fmu, or an ``.ssp`` archive, which
         has its FMUs in it.
-    scheme: order of exchange, ``"jacobi"``, ``"gauss-seidel"`` or ``"iterated"``, see docs/schemes.md.
+    scheme: order of exchange, ``"jacobi"``, ``"gauss-seidel"`` or ``"iterated"``, see docs/any-system.md.
     observe: a pattern such as ``plant.payload_*``, or several, of the outputs to store, by default all.
     requirements: a TOML file, own or of ps_fmu; the verdicts are ``summary["verdicts"]``.
     inputs: a CSV file of inputs over time, see docs/any-system.md.

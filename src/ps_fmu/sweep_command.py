@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .product.files import find_file
+from .system_commands import add_system_options
 from .terminal import read_output, reason
 
 if TYPE_CHECKING:
@@ -40,7 +41,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         "--scheduler-timeout", type=float, metavar="S", help="seconds that the scheduler may take to answer (10)"
     )
     where.add_argument("--workers", type=int, metavar="N", help="processes on this machine (one a processor)")
-    parser.add_argument("--fmus", type=Path, metavar="DIR", help="the FMUs (those of ps_fmu, built if they are not)")
+    add_system_options(parser, "replace", "fmus")
     parser.set_defaults(run=run)
 
 
@@ -49,22 +50,24 @@ def run(arguments: argparse.Namespace) -> int:
     from .cosim.errors import CosimError
     from .mechanism.quantities import ParameterError
     from .requirements.requirement import RequirementError
-    from .runs.options import OptionError
+    from .runs.options import OptionError, read_replacements
     from .slavekit.pack.build import BuildError
     from .studies.rows import StartError, VersionError
     from .studies.study import StudyError
     from .studies.sweep import SweepOptions
 
-    options = SweepOptions(
-        find_file(arguments.study),
-        arguments.output or Path("results", arguments.study.stem),
-        scheduler=arguments.scheduler,
-        workers=arguments.workers,
-        resume=arguments.resume,
-        fmus=arguments.fmus,
-        scheduler_timeout_s=arguments.scheduler_timeout,
-    )
+    study = find_file(arguments.study)
     try:
+        options = SweepOptions(
+            study,
+            arguments.output or Path("results", arguments.study.stem),
+            scheduler=arguments.scheduler,
+            workers=arguments.workers,
+            resume=arguments.resume,
+            fmus=arguments.fmus,
+            replace=read_replacements(arguments.replace),
+            scheduler_timeout_s=arguments.scheduler_timeout,
+        )
         if arguments.workers is not None and arguments.workers < 1:
             raise StudyError(f"--workers: expected 1 or more, got {arguments.workers}")
         if (limit := arguments.scheduler_timeout) is not None:

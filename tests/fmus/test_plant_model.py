@@ -110,7 +110,7 @@ def slew(steps, velocity_B=(0.0, 0.0, 0.0), step=H, command=COMMAND, **start):
     host = Host("manipulator_plant", **start).run_mode()
     slave = host.slave
     slave.x[VELOCITY] = velocity_B  # m/s
-    slave.balance.begin(slave.model, slave.x, 0.0)
+    slave.balance.begin(slave.model, slave.state, 0.0)
     slave.view("coarse_command")[:] = command
     made = 0
     for _ in range(steps):
@@ -126,7 +126,7 @@ def test_slew_ends_exactly_at_the_command_and_leaves_no_momentum():
     np.testing.assert_array_equal(slave.model.centre.coarse, COMMAND)
     assert not slave.model.centre.speeds.any()
     assert 5 < made < 30
-    assert np.abs(momentum(slave.model, slave.x)).max() < 2e-9  # N.s, N.m.s
+    assert np.abs(momentum(slave.model, slave.state)).max() < 2e-9  # N.s, N.m.s
 
 
 def test_slew_is_the_same_on_a_bus_that_moves():
@@ -136,11 +136,11 @@ def test_slew_is_the_same_on_a_bus_that_moves():
     assert made == made_too > 10
     q = moving.y[PLACE["base_attitude"]]
     to_B = to_rotation_matrix(q / np.linalg.norm(q)).T
-    state = moving.x.copy()
+    state = moving.state.copy()
     state[POSITION] -= to_B @ (1.5 * velocity)
     state[VELOCITY] -= to_B @ velocity
     others = np.delete(np.arange(len(state)), np.r_[POSITION])
-    np.testing.assert_allclose(state[others], still.x[others], rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose(state[others], still.state[others], rtol=0.0, atol=1e-12)
     np.testing.assert_allclose(state[POSITION], still.x[POSITION], rtol=0.0, atol=2e-10)
     assert np.abs(still.x[6:9]).max() > 1e-6  # rad, the reaction of the bus
 
@@ -180,10 +180,10 @@ def test_a_command_beyond_the_stroke_ends_at_the_stroke():
 def test_at_rest_at_the_command_nothing_moves():
     start = {f"coarse_command_{i}": value for i, value in zip((1, 2, 3), (0.004, -0.003, 0.002), strict=True)}
     host = Host("manipulator_plant", **start).run_mode()
-    model, state = host.slave.model, host.slave.x.copy()
+    model, state = host.slave.model, host.slave.state.copy()
     host.step(H, 20)
     assert host.slave.model is model
-    np.testing.assert_allclose(host.slave.x, state, rtol=0.0, atol=1e-16)
+    np.testing.assert_allclose(host.slave.state, state, rtol=0.0, atol=1e-16)
 
 
 @pytest.mark.parametrize("step", [1e-4, 1e-3, 5e-3])
@@ -285,7 +285,7 @@ def count(model):
 
 def test_documented_counts():
     counted = {model: numbers for model in MODELS if (numbers := count(model)) is not None}
-    rows = ROW.finditer((ROOT / "docs" / "own-fmu.md").read_text())
+    rows = ROW.finditer((ROOT / "docs" / "developers" / "native-steps.md").read_text())
     stated = {row[1]: [float(value) for value in row.groups()[1:]] for row in rows}
     assert counted.keys() == stated.keys()
     for model, numbers in counted.items():

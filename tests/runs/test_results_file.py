@@ -203,8 +203,9 @@ def test_a_small_file_stays_as_it_is(tmp_path):
     with Recorder(path, "run", columns=columns, step=1.0, rows=1000) as recorder:
         recorder.block(0, np.arange(1000.0), np.ones((1000, 1)))
     before = path.read_bytes()
-    finish_file(path)
-    assert path.read_bytes() == before
+    for filled in (False, True):
+        finish_file(path, filled=filled)
+        assert path.read_bytes() == before
 
 
 def test_what_shrinks_is_compressed_and_nothing_changes(rows):
@@ -283,7 +284,7 @@ def test_an_end_that_fails_leaves_the_file_as_it_was(rows, monkeypatch, how):
 
 
 def test_a_file_that_cannot_be_compressed_costs_no_other_result(make_options, monkeypatch, capsys):
-    def refuse(*_):
+    def refuse(*_, **__):
         raise OSError("results.nc: stays as it is: 8 MB needed")
 
     monkeypatch.setattr(publish, "finish_file", refuse)

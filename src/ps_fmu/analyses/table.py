@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from .result import AnalysisResult
 
 SYSTEM = "SystemStructure.ssd"
+OWN = ("parameters", "replace")
+"""Options of analyses of a system of one's own."""
 
 
 @dataclass(frozen=True)
@@ -22,11 +24,12 @@ class AnalysisOptions:
     """The options that every analysis gets."""
 
     output: Path  # folder of the results; it exists
-    fmus: Path = field(default_factory=find_built_folder)  # folder of the built FMUs
+    fmus: Path | None = field(default_factory=find_built_folder)  # of the FMUs; None: as the system says
     system: Path = field(default_factory=lambda: find_product().system / SYSTEM)  # system structure description
     seed: int = 1  # seed of the disturbance
     progress: bool = True  # show progress bars on stderr
     parameters: tuple[Path, ...] = ()  # files with start values; later ones win
+    replace: Mapping[str, Path] = field(default_factory=dict)  # FMUs in place of components, by their names
     requirements: Path | None = None  # TOML file; None: that of the product
     uncertainty: tuple[float, ...] = ()
     """Factors on the amplitude and between them the limits of their bands, Hz: factor, limit, factor ..."""
@@ -43,7 +46,7 @@ class Analysis:
     needs_fmus: bool = True  # if not, it needs neither FMUs nor a system description
     system: str = SYSTEM  # name of the product's system structure description that it runs, unless told otherwise
     takes: tuple[str, ...] = ()
-    """Options that it takes besides those of every analysis: ``parameters``, ``requirements``, ``uncertainty``."""
+    """Options that it takes besides those of every analysis: :data:`OWN`, ``requirements``, ``uncertainty``."""
     own: str = ""
     """The function for another system than the product's, or with parameters, where that is another one."""
 
@@ -77,7 +80,7 @@ _TABLE = (
         "Fig 10: the internal loop with delay, in the paper's reading and in that of its equation (48); with "
         "--parameters or --system: poles and margins of that system",
         "ps_fmu.paper.figures.fig10.report:analyse",
-        takes=("parameters",),
+        takes=OWN,
         own="ps_fmu.trades.stability:analyse",
     ),
     Analysis(
@@ -94,18 +97,20 @@ _TABLE = (
         "budget",
         "each source's, frequency band's and resonance's share of the pointing errors that requirements name",
         "ps_fmu.trades.budget.report:analyse",
-        takes=("parameters", "requirements", "uncertainty"),
+        takes=(*OWN, "requirements", "uncertainty"),
     ),
     Analysis(
         "indices",
-        "pointing indices of the default system from the FMUs, with their intervals, beside the closed form",
+        "pointing indices from the FMUs, with their intervals, beside the closed form",
         "ps_fmu.trades.indices.report:analyse",
+        takes=OWN,
     ),
     Analysis(
         "sensors",
         "residual jitter behind real accelerometers, the best high-pass corner, and what a line-of-sight loop adds",
         "ps_fmu.trades.sensors.report:analyse",
         system="InertialSensors.ssd",
+        takes=OWN,
     ),
 )
 ANALYSES: Mapping[str, Analysis] = {analysis.name: analysis for analysis in _TABLE}

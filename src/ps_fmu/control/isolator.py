@@ -21,8 +21,8 @@ from .feedforward import Controller, Lowpass, TurningController, gains, lowpass
 
 
 def known_payload(p: Parameters) -> Payload:
-    """The payload as the controller knows it: its centre of mass is some millimetres off, and the truss is rigid."""
-    return replace(p.payload, com_P=p.known_com_P, truss_modes=())
+    """The payload as the controller knows it: its centre of mass is some millimetres off, and it is rigid."""
+    return replace(p.payload, com_P=p.known_com_P, truss_modes=(), modes=())
 
 
 def is_known(name: str) -> bool:

@@ -19,6 +19,7 @@ from .errors import SystemFileError, UsageError
 from .unpacked import make_temporary, remove_temporary
 from .values import End, Hop, Items, Unit, Value
 
+MOST_NAMED = 4  # in a message
 COMPONENT_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 
 
@@ -78,6 +79,8 @@ class Component:
     line: int
     step: float | None = None
     """Its step [s], as the description states it."""
+    variables: frozenset[str] | None = None
+    """Those of an FMU that replaces another one: start values for other names are left out.  None: any name counts."""
 
 
 @dataclass(frozen=True)
@@ -200,7 +203,8 @@ class System:
     def with_parameters(self, values: Mapping[str, Value] | Mapping[str, Parameter]) -> System:
         """The same system with other start values, by ``component.variable``; they replace those of the file.
 
-        Whether the variables exist and take these values is checked when the FMUs are opened.
+        Whether the variables exist and take these values is checked when the FMUs are opened.  Values that an FMU in
+        place of another one does not have are left out, with a remark.
         Raises :class:`UsageError` for a name without a component of the system.
         """
         named = values.entries() if isinstance(values, ParameterSet) else values
@@ -212,8 +216,14 @@ class System:
             except UsageError as error:
                 raise UsageError(f"parameter {name!r} ({entry.origin}): {error}") from error
             changes.setdefault(port.component, {})[port.variable] = entry
-        components = tuple(replace(c, parameters={**c.parameters, **changes.get(c.name, {})}) for c in self.components)
-        return replace(self, components=components)
+        components, remarks = [], list(self.remarks)
+        for c in self.components:
+            own = changes.get(c.name, {})
+            if left := [] if c.variables is None else [name for name in own if name not in c.variables]:
+                own = {name: entry for name, entry in own.items() if name not in left}
+                remarks.append(f"{c.name}: {c.source.name} does not have {list_names(left)}: these values are left out")
+            components.append(replace(c, parameters={**c.parameters, **own}))
+        return replace(self, components=tuple(components), remarks=tuple(remarks))
 
 
 class UnpackedFolder:
@@ -266,6 +276,12 @@ def parse_port(name: str) -> PortName:
     if not (dot and variable and COMPONENT_NAME.fullmatch(component)):
         raise UsageError(f"{name!r} is not of the form component.variable")
     return PortName(component, variable)
+
+
+def list_names(names: Sequence[str]) -> str:
+    """Names for a message: the first few, and how many more there are."""
+    more = len(names) - MOST_NAMED
+    return ", ".join(names) if more <= 1 else f"{', '.join(names[:MOST_NAMED])} and {more} more"
 
 
 def suggest_names(name: str, known: Iterable[str]) -> str:
@@ -323,7 +339,7 @@ def _simplify(component: Component, source: str) -> Component:
     parameters = {
         name: replace(entry, origin=WHERE, notes=frozenset(), hops=_forget(entry.hops)) for name, entry in entries
     }
-    return replace(component, source=Path(source), connectors=connectors, parameters=parameters, line=0)
+    return replace(component, source=Path(source), connectors=connectors, parameters=parameters, line=0, variables=None)
 
 
 def _forget(hops: Sequence[Hop]) -> tuple[Hop, ...]:

@@ -15,7 +15,7 @@ from collections import Counter
 from pathlib import Path
 
 from ..cosim import read_system
-from ..cosim.description import get_unit, read_descriptions, read_start
+from ..cosim.description import read_descriptions
 from ..cosim.ssp.writing import start_values_xml
 from ..files.plain import write_atomically
 from ..mechanism.instrument import Instrument, read_instrument
@@ -23,7 +23,7 @@ from ..product.files import find_product
 from ..slavekit.author.slave import Slave
 from ..slavekit.pack.build import find_folders
 from ..slavekit.pack.errors import BuildError
-from .start_values import Physics, list_settable, make_start_values
+from .start_values import Physics, make_start_values
 
 
 def find_physics(fmus: Path) -> dict[str, Physics]:
@@ -62,7 +62,7 @@ def import_slave(folder: Path) -> type[Slave]:
 
 
 def write_start_values(
-    source: Path, output: Path, system: Path, fmus: Path, bus: str | None = None, *, everything: bool = False
+    source: Path, output: Path, system: Path, fmus: Path | None, bus: str | None = None, *, everything: bool = False
 ) -> list[str]:
     """Write the start values of a system's FMUs for an instrument as an SSV file; lines that say what was done.
 
@@ -97,26 +97,12 @@ def write_start_values(
     ]
 
 
-def list_start_values(system: Path, fmus: Path) -> list[str]:
-    """A line for each parameter and input of a system's FMUs: name, start value, unit, description.
-
-    Raises CosimError: the system or an FMU cannot be used.
-    """
-    descriptions = read_descriptions(read_system(system, fmus))
-    rows = [
-        (f"{component}.{name}", str(read_start(found)), get_unit(found) or "", found.description or "")
-        for component, description in descriptions.items()
-        for name, found in list_settable(description).items()
-    ]
-    widths = [max(len(row[column]) for row in rows) for column in range(3)]
-    return ["  ".join([*(text.ljust(width) for text, width in zip(row, widths, strict=False)), row[3]]) for row in rows]
-
-
 def _describe(instrument: Instrument) -> list[str]:
     p = instrument.parameters
     modes = ", ".join(f"{mode.frequency:g}" for mode in p.bus.modes if mode.active)
     bodies = f"payload {p.payload.mass:g} kg, bus {p.bus.mass:g} kg"
     lines = [f"{bodies}, modes of the bus: {f'{modes} Hz' if modes else 'none'}"]
+    lines += instrument.remarks
     if instrument.inherited:
         lines.append(f"from the base: {', '.join(instrument.inherited)}")
     return lines

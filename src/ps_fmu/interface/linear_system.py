@@ -72,6 +72,9 @@ TURNED: Mapping[str, Sequence[tuple[str, ...]]] = {
 #: Parameters that are delays, s, by FMU: an FMU rounds each up to the next multiple of its step.
 DELAYS: Mapping[str, str] = {ISOLATOR: "delay", POINTING: "delay", SENSORS: "latency", TRACKER: "latency"}
 SHOWN = 3  # of these that are said to matter
+LEAST_MOVED = 0.1  # of a pole's real part: a pole that moves by less is one of the structure
+GAIN_STEP, MOST_GAIN_DB = 10.0**0.2, 12.0  # steps of 4 dB, up to 12 dB either way, are tried for a gain margin
+GAIN_ERROR = 0.01  # of a gain at which a loop becomes unstable
 SMALL_TURN = 0.01  # of a parameter, for the derivative of a pole
 _AT_ONCE = 64  # frequencies
 
@@ -87,6 +90,31 @@ class Turned(NamedTuple):
 
     value: float
     unit: str
+
+
+class Reserve(NamedTuple):
+    """How far a stable isolator is from instability."""
+
+    pole: complex
+    """The least damped of the poles that the isolator moves, rad/s."""
+    gain_db: float
+    """Change of its gain that makes it unstable; inf: none up to :data:`MOST_GAIN_DB` does."""
+
+    @property
+    def frequency_hz(self) -> float:
+        """Of the pole."""
+        return abs(self.pole) / (2.0 * np.pi)
+
+    @property
+    def damping_ratio(self) -> float:
+        """Of the pole."""
+        return -self.pole.real / abs(self.pole)
+
+    def __str__(self) -> str:
+        edge = f"gain margin {self.gain_db:+.1f} dB" if np.isfinite(self.gain_db) else (
+            f"gain margin above {MOST_GAIN_DB:g} dB"
+        )  # fmt: skip
+        return f"least damped pole at {self.frequency_hz:.4g} Hz with damping ratio {self.damping_ratio:.2g}, {edge}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,6 +169,8 @@ class Circuit:
 
     model: SystemModel
     active: bool
+    gain: float = 1.0
+    """Factor on the isolator's forces, for its margin."""
 
     @property
     def closed(self) -> bool:
@@ -156,7 +186,9 @@ class Circuit:
         m, h = self.model, self.model.step
         found = {PLANT: make_plant_block(m.loop.model, h)}
         if self.active:
-            found[ISOLATOR] = make_isolator_block(m.loop.controller, h, isolator_delay)
+            block = make_isolator_block(m.loop.controller, h, isolator_delay)
+            factor = np.where(np.arange(len(block.map)) < len(block.outputs), self.gain, 1.0)
+            found[ISOLATOR] = replace(block, map=factor[:, None] * block.map)
         if m.sensors is not None and self.active:
             found[SENSORS] = make_sensors_block(m.sensors, h)
         if m.coils is not None:
@@ -200,6 +232,37 @@ class Circuit:
         if len(self.unstable):
             case = "active" if self.active else "passive"
             raise UnstableError(f"{self.model.system.path.name}, {case}", self.unstable, self.advise())
+
+    def find_reserve(self) -> Reserve | None:
+        """How far a stable isolator is from instability; None: it is off, unstable, or too costly to tell in a run.
+
+        That is where a line-of-sight loop is closed, or the delay is long: ``ps-fmu analyse stability`` has poles and
+        margins of all.  It takes some 20 ms.
+        """
+        if not self.active or self.closed or self.has_long_delay or len(self.unstable):
+            return None
+        open_poles = replace(self, active=False).poles
+        poles = self.poles[self.poles.imag > 0.0]
+        distance = np.abs(poles[:, None] - open_poles).min(axis=1)
+        moved = poles[distance > LEAST_MOVED * np.abs(poles.real)]
+        among = moved if len(moved) else poles
+        pole = complex(among[np.argmin(-among.real / np.abs(among))])
+        return Reserve(pole, min((self._find_edge(step) for step in (1.0 / GAIN_STEP, GAIN_STEP)), key=abs))
+
+    def _find_edge(self, step: float) -> float:
+        """Gain, dB, at which the isolator becomes unstable on the side of a ``step``; the last one tried if none is."""
+        inner, outer = 1.0, step
+        while self._is_stable_with(outer):
+            if abs(20.0 * np.log10(outer)) >= MOST_GAIN_DB - 1e-9:
+                return float(np.copysign(np.inf, step - 1.0))
+            inner, outer = outer, outer * step
+        while outer / inner > 1.0 + GAIN_ERROR or inner / outer > 1.0 + GAIN_ERROR:
+            middle = float(np.sqrt(inner * outer))
+            inner, outer = (middle, outer) if self._is_stable_with(middle) else (inner, middle)
+        return float(20.0 * np.log10(inner))
+
+    def _is_stable_with(self, gain: float) -> bool:
+        return not len(find_growing(replace(self, gain=gain).poles))
 
     @property
     def loops(self) -> tuple[str, ...]:

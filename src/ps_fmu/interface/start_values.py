@@ -9,8 +9,7 @@ from __future__ import annotations
 import re
 import reprlib
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
-from typing import Any, TypeVar
+from typing import Any
 
 from fmpy.model_description import ModelDescription, ModelVariable
 
@@ -22,12 +21,9 @@ from ..cosim.structure import Parameter, suggest_names
 from ..disturbance import default_settings
 from ..mechanism.instrument import Instrument
 from ..mechanism.linear_model import Plant
-from ..mechanism.modes import BusMode, TrussMode
 from ..mechanism.parameters import Parameters, load
 from ..mechanism.quantities import ParameterError, list_entries, replace_values, take_values
 from .agreement import APART, REFERENCE
-
-M = TypeVar("M", BusMode, TrussMode)
 
 Physics = Callable[[Parameters], Any]
 """Makes what the parameters of an FMU are from a parameter set, see :mod:`.instrument_file`."""
@@ -37,35 +33,11 @@ _DEEPEST = 10  # tables in tables below [start]
 IDEAL: dict[str, Value] = {f"isolator.{name}": 0.0 for name in ("delay", "sample_time", "force_limit")}
 
 
-def fit_modes(p: Parameters) -> Parameters:
-    """The parameter set with as many modes as the FMUs hold: unused ones take the places that are left.
-
-    Raises
-    ------
-    ParameterError: more modes than the FMUs hold; the text names them and the number that fits.
-    """
-    places = load()
-    truss = _fit("payload.truss_modes", p.payload.truss_modes, places.payload.truss_modes)
-    modes = _fit("bus.modes", p.bus.modes, places.bus.modes)
-    return replace(p, payload=replace(p.payload, truss_modes=truss), bus=replace(p.bus, modes=modes))
-
-
-def _fit(name: str, modes: tuple[M, ...], places: tuple[M, ...]) -> tuple[M, ...]:
-    if len(modes) > len(places):
-        raise ParameterError(
-            name,
-            f"{len(modes)} modes, but the FMU of the plant holds {len(places)}: leave out those that matter least, "
-            "for example by their participation",
-        )
-    return modes + tuple(type(place).unused() for place in places[len(modes) :])
-
-
 def start_values(p: Parameters) -> dict[str, Value]:
     """Start values of plant, isolator, commander and disturbance source that a parameter set states.
 
-    Modes that the set does not have are zero.  Raises ParameterError as :func:`fit_modes`.
+    Modes that the set does not have are zero.  Raises ParameterError as :meth:`.Parameters.fill_places`.
     """
-    p = fit_modes(p)
     components = {
         "plant": list_entries(Plant.from_parameters(p)),
         "isolator": list_entries(Isolator.from_parameters(p)),
@@ -134,7 +106,7 @@ def make_start_values(
         if name not in names:
             hint = suggest_names(name, names) or f"; the system has {', '.join(names)}"
             raise ParameterError(f"start.{reprlib.repr(name)[1:-1]}", f"no such component{hint}")
-    p = fit_modes(instrument.parameters)
+    p = instrument.parameters.fill_places()
     values: dict[str, dict[str, Value]] = {}
     given: set[str] = set()
     for name in names:

@@ -71,8 +71,8 @@ def convective_forces(system: FlexibleSystem, d: Dynamics, speeds: Array) -> Arr
     # 2 w x r', symmetric
     origin = relative[..., :3] + units_turn @ skew(moving[..., -1, :]) - moving[..., :-1, :] @ across_turn
 
-    # Accelerations of points on the platform and on the base: legs' joints, centre of mass, masses of the truss.
-    mass, position_B, direction_B = system.truss_at(R)
+    # Accelerations of points on the platform and on the base: legs' joints, centre of mass, masses of the modes.
+    mass, position_B, direction_B, moment_B = system.modes_at(R)
     com_B = R @ payload.com_P
     base_points = np.empty((*batch, 1, 8, 3))
     base_points[..., 0, :6, :], base_points[..., 0, 6, :] = geometry.base_joints_B, bus.com_B
@@ -113,8 +113,9 @@ def convective_forces(system: FlexibleSystem, d: Dynamics, speeds: Array) -> Arr
     wrenches[..., 9:] += torque[0]
     forces = d.platform_rows().mT @ wrenches[..., :6].mT
     forces[..., d.slices["q_b"], :] += wrenches[..., 6:].mT
-    along_truss = np.vecdot(on_platform[..., 7:, :], direction_B[..., None, :, :])
-    forces[..., d.slices["x_t"], :] = mass[:, None] * along_truss.mT
+    along_modes = np.vecdot(on_platform[..., 7:, :], direction_B[..., None, :, :])
+    along_modes += turning @ moment_B.mT
+    forces[..., d.slices["x_t"], :] = mass[:, None] * along_modes.mT
     return np.asarray(forces)
 
 

@@ -6,7 +6,9 @@ Coordinates, in this order (:data:`GROUPS`)::
     q_b  base motion (t_b, theta_b) (6)     m, rad in B axes, at the origin of B, eq 5
     x_m  bus modes (n)                      mass-normalised, eq 25
     e_c  coarse-rod stretch (3)             m      not in the paper's nominal model
-    x_t  truss modes (n)                    m      not in the paper's nominal model
+    x_t  truss modes, payload modes (n)     m, sqrt(kg).m   not in the paper's nominal model
+
+Unused places for modes behind the last one that moves have no coordinates.
 
 The nominal model of the paper is the first three groups.  With the corrected sign of eq (8), the platform moves
 by ``dq_p = J_pf dd_f + J_pc dd_c + J_pb dq_b``; a prescribed coarse-leg motion enters through the same column as
@@ -23,6 +25,7 @@ stretches.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -30,6 +33,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .kinematics import Geometry, Jacobians, LegLines, find_leg_lines, jacobians, leg_rows
+from .modes import BusMode, PayloadMode, TrussMode, drop_unused
 from .parameters import Bus, CoarseLeg, Manipulator, Payload
 from .quantities import Array
 from .rotations import cross, skew
@@ -168,12 +172,11 @@ class Dynamics:
     locked: Array  # (..., 6, 6) mass of legs and payload as one body on the base, B axes at its origin
     active: NDArray[np.bool_]  # (n,)
     slices: dict[str, slice]  # group -> its place in q
-    truss_turns_P: Array  # (3, n truss) z x direction of each truss mode, axes of P; zero for those that are off
 
     def __getitem__(self, k: int) -> Dynamics:
         """At one pose of many."""
         by_pose = self.pose[k], self.jacobians[k], self.legs[k], self.M[k], self.C[k], self.K
-        return Dynamics(*by_pose, self.m_c[k], self.locked[k], self.active, self.slices, self.truss_turns_P)
+        return Dynamics(*by_pose, self.m_c[k], self.locked[k], self.active, self.slices)
 
     @property
     def n(self) -> int:
@@ -259,9 +262,9 @@ class FlexibleSystem:
         M[..., q_b, q_b] += legs.beta
         locked = M[..., q_b, q_b].copy()
         M += M_fixed
-        # The masses of the truss modes move with the platform and along their own directions: point masses.
-        mass, position_B, along_B = self.truss_at(pose.rotation_BP)
-        moments_B = cross(position_B, along_B)
+        # The masses of the modes move with the platform and along their own directions.
+        mass, position_B, along_B, moments_B = self.modes_at(pose.rotation_BP)
+        moments_B = cross(position_B, along_B) + moments_B
         with_platform = mass[:, None] * (np.concatenate([along_B, moments_B], axis=-1) @ platform)
         M[..., x_t, :] += with_platform
         M[..., x_t] += with_platform.mT
@@ -270,7 +273,7 @@ class FlexibleSystem:
         rods, flat = self.manipulator.coarse_rods, (*M.shape[:-2], -1)
         masses, damping = (each.reshape(flat)[..., :: self.n + 1][..., e_c] for each in (M, C))  # on the diagonal
         damping[:] = 2.0 * rods.damping_ratio * np.sqrt(rods.axial_stiffness * masses)
-        return Dynamics(pose, J, legs, M, C, K, M[..., e_c].copy(), locked, active, self._slices, self._truss_turns_P)
+        return Dynamics(pose, J, legs, M, C, K, M[..., e_c].copy(), locked, active, self._slices)
 
     @property
     def n(self) -> int:
@@ -302,34 +305,45 @@ class FlexibleSystem:
         q_b = self._slices["q_b"]
         return self._fixed[0][q_b, q_b]
 
-    def truss_at(self, rotation_BP: Array) -> tuple[Array, Array, Array]:
-        """Masses (n,) of the truss modes, kg; places from the origin of P, m, and directions (..., n, 3), axes of B."""
-        mass, position_P, direction_P = self._truss
-        return mass, position_P @ rotation_BP.mT, direction_P @ rotation_BP.mT
+    def modes_at(self, rotation_BP: Array) -> tuple[Array, Array, Array, Array]:
+        """Masses (n,) of the modes of the payload, kg; places from the origin of P, directions, moments.
+
+        (..., n, 3) each, m, 1 and m, axes of B; see :class:`.modes.ModeOnPayload`.
+        """
+        mass, position_P, direction_P, moment_P = self._on_payload
+        R_PB = rotation_BP.mT
+        return mass, position_P @ R_PB, direction_P @ R_PB, moment_P @ R_PB
+
+    def find_turns(self, sensitivity: float) -> Array:
+        """(2, n) turn of the line of sight about x and y of P, rad per unit of each coordinate of ``x_t``.
+
+        ``sensitivity``: of the truss modes, see :class:`.parameters.Optics`.
+        """
+        turns = [mode.place_on_payload(sensitivity).line_of_sight for mode in self._payload_modes]
+        return np.reshape(turns, (-1, 2)).T
 
     @cached_property
     def _slices(self) -> dict[str, slice]:
-        n_bus, n_truss = len(self.bus.modes), len(self.payload.truss_modes)
-        return _places({"d_f": 3, "q_b": 6, "x_m": n_bus, "e_c": 3, "x_t": n_truss})
+        n_bus, n_payload = len(self._bus_modes), len(self._payload_modes)
+        return _places({"d_f": 3, "q_b": 6, "x_m": n_bus, "e_c": 3, "x_t": n_payload})
 
     @cached_property
-    def _truss(self) -> tuple[Array, Array, Array]:
-        """Mass (n,) kg, position (n, 3) m and direction (n, 3) of the truss modes, in P."""
-        modes = self.payload.truss_modes
-        directions = [mode.direction_P / np.linalg.norm(mode.direction_P) for mode in modes]
-        positions = [mode.position_P for mode in modes]
-        return (
-            np.array([mode.mass for mode in modes]),
-            np.reshape(positions, (-1, 3)),
-            np.reshape(directions, (-1, 3)),
+    def _bus_modes(self) -> Sequence[BusMode]:
+        return drop_unused(self.bus.modes)
+
+    @cached_property
+    def _payload_modes(self) -> Sequence[TrussMode | PayloadMode]:
+        return drop_unused((*self.payload.truss_modes, *self.payload.modes))
+
+    @cached_property
+    def _on_payload(self) -> tuple[Array, Array, Array, Array]:
+        """Mass (n,) kg, position (n, 3) m, direction (n, 3) and moment (n, 3) m of the payload's modes, in P."""
+        modes = [mode.place_on_payload(0.0) for mode in self._payload_modes]
+        position, direction, moment = (
+            np.reshape([getattr(mode, name) for mode in modes], (-1, 3))
+            for name in ("position_P", "direction_P", "moment_P")
         )
-
-    @cached_property
-    def _truss_turns_P(self) -> Array:
-        """(3, n) turn of the boresight z, axes of P, that moves it along with the mode: ``z x direction``."""
-        _, _, direction_P = self._truss
-        moving = self._fixed[3][self._slices["x_t"]]
-        return np.asarray(cross(np.array([0.0, 0.0, 1.0]), direction_P * moving[:, None]).T)
+        return np.array([mode.mass for mode in modes]), position, direction, moment
 
     @cached_property
     def _fixed(self) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
@@ -340,15 +354,16 @@ class FlexibleSystem:
         M[q_b, q_b] = bus_mass(self.bus)
         for k, leg in enumerate(self.manipulator.fine_legs, d_f.start):
             K[k, k], C[k, k] = leg.stiffness, leg.damping
-        for k, mode in enumerate(self.bus.modes, x_m.start):
+        for k, mode in enumerate(self._bus_modes, x_m.start):
             omega = TWO_PI * mode.frequency
             M[q_b, k] = M[k, q_b] = mode.participation_B  # M_b12
             M[k, k], C[k, k], K[k, k] = 1.0, 2.0 * mode.damping_ratio * omega, omega**2
             active[k] = mode.active
-        for k, truss in enumerate(self.payload.truss_modes, x_t.start):
-            omega, mass = TWO_PI * truss.frequency, truss.mass
-            M[k, k], C[k, k], K[k, k] = mass, 2.0 * truss.damping_ratio * omega * mass, omega**2 * mass
-            active[k] = truss.active
+        masses = self._on_payload[0].tolist()
+        for k, (own, mass) in enumerate(zip(self._payload_modes, masses, strict=True), x_t.start):
+            omega = TWO_PI * own.frequency
+            M[k, k], C[k, k], K[k, k] = mass, 2.0 * own.damping_ratio * omega * mass, omega**2 * mass
+            active[k] = own.active
         stiffness = self.manipulator.coarse_rods.axial_stiffness
         for k in range(e_c.start, e_c.stop):
             K[k, k] = stiffness

@@ -138,7 +138,11 @@ class Plant:
 
     @classmethod
     def from_parameters(cls, p: Parameters) -> Plant:
-        """The plant of a parameter set."""
+        """The plant of a parameter set, with all places for modes that the FMU has.
+
+        Raises ParameterError for more modes than that.
+        """
+        p = p.fill_places()
         return cls(p.manipulator, p.payload, p.bus, p.servo, p.optics)
 
     @property
@@ -150,6 +154,11 @@ class Plant:
     def n_coordinates(self) -> int:
         """Number of coordinates ``q``."""
         return self.system.n
+
+    @property
+    def most_coordinates(self) -> int:
+        """Number of coordinates ``q`` with a mode in each place."""
+        return 12 + len(self.bus.modes) + len(self.payload.truss_modes) + len(self.payload.modes)
 
     def linearise(self, coarse_displacement: Array, attitude: Array = IDENTITY) -> PlantModel:
         """The model about rest at coarse displacements (3,), m, with fine legs at nominal length.
@@ -253,9 +262,8 @@ class Plant:
         convection = convective_forces(system, d, centre.speeds) if centre.speeds.any() else None
         A, B = make_rate_matrices(d, centre, convection, self.servo)
         accelerations = slice(d.n, 2 * d.n)
-        C, D = make_output_matrices(
-            d, orientation, nominal, centre, self.optics, (A[:, accelerations], B[:, accelerations])
-        )
+        rows = A[:, accelerations], B[:, accelerations]
+        C, D = make_output_matrices(d, orientation, nominal, centre, self.optics, self._turns_P, rows)
         turn_base(A, B, d, centre)
         return _Linearised(self, centres, d, nominal.orientation.rpy, convection, (A, B, C, D), beside)
 
@@ -266,6 +274,10 @@ class Plant:
         d = self.system.at(Pose(geometry.nominal_translation_B[None], np.eye(3)[None]))
         A, _ = make_rate_matrices(d, Centre.stack([Centre.at_rest(np.zeros(3))]), None, self.servo)
         return find_scale(A[0], _STEP)
+
+    @cached_property
+    def _turns_P(self) -> Array:
+        return self.system.find_turns(self.optics.truss_sensitivity)
 
     @cached_property
     def system(self) -> FlexibleSystem:

@@ -163,6 +163,7 @@ def make_output_matrices(
     nominal: Nominal,
     centre: Centre,
     optics: Optics,
+    turns_P: Array,
     acceleration: tuple[Array, Array],
 ) -> tuple[Array, Array]:
     """C and D about k centres, (k, outputs, states) and (k, outputs, inputs).
@@ -172,6 +173,7 @@ def make_output_matrices(
     d, orientation: at the present poses of the centres.
     nominal: their nominal poses, those of ``d`` where the fine legs are undeformed.
     centre: stacked, see :meth:`.centre.Centre.stack`.
+    turns_P: (2, n) of the line of sight by the modes of the payload, see :meth:`.dynamics.FlexibleSystem.find_turns`.
     acceleration: rows of accelerations of all coordinates from ``x`` and from ``u``; those of the base inertial, in B.
     """
     n, k = d.n, len(centre.coarse)
@@ -240,7 +242,7 @@ def make_output_matrices(
         np.multiply(rows[:, jitter + 1], optics.focal_length, out=rows[:, image])
         np.multiply(rows[:, jitter], -optics.focal_length, out=rows[:, image + 1])
         rows[:, _PLACE["line_of_sight"]] = rows[:, jitter : jitter + 2]
-    C[:, _PLACE["line_of_sight"], d.slices["x_t"]] += optics.truss_sensitivity * d.truss_turns_P[:2]
+    C[:, _PLACE["line_of_sight"], d.slices["x_t"]] += turns_P
     return C, D
 
 

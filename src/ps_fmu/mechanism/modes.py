@@ -1,16 +1,39 @@
-"""Flexible modes of payload and bus as parameters, hinged appendages, and what a body can carry of them."""
+"""Flexible modes of payload and bus as parameters, hinged appendages, and what a body can carry of them.
+
+A mode has the coordinate ``x`` and the participation ``p`` (6,), with its body held where it is mounted: ``m x'' + ...
+= -p . (acceleration of the body)``.  ``p`` is the momentum of the body per unit of ``x'``, linear, then angular.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
 from .quantities import Array, Checked, ParameterError, check_inertia, check_number, freeze, quantity
+from .rotations import cross
+
+_BORESIGHT_P = np.array([0.0, 0.0, 1.0])
 
 #: Most hinge axes of an appendage: a body on a point has no more rotations.
 MOST_AXES = 3
+#: Places for modes in the FMU of the plant: an FMU cannot get parameters when it is loaded.
+MOST_BUS_MODES, MOST_TRUSS_MODES, MOST_PAYLOAD_MODES = 16, 2, 12
+
+
+class ModeOnPayload(NamedTuple):
+    """A mode of the payload as a mass that moves with the platform and along a direction of its own.
+
+    The participation about the origin of P is the mass times ``[direction; position x direction + moment]``.
+    """
+
+    mass: float  # kg
+    position_P: Array  # (3,) m
+    direction_P: Array  # (3,)
+    moment_P: Array  # (3,) m
+    line_of_sight: Array  # (2,) turn of the line of sight about x and y of P, rad per unit of the coordinate
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +67,50 @@ class TrussMode(Checked):
         arm_P = self.position_P - point_P
         return np.asarray(np.sqrt(self.mass) * np.concatenate([along_P, np.cross(arm_P, along_P)]))
 
+    def place_on_payload(self, sensitivity: float) -> ModeOnPayload:
+        """The mode on the payload.  ``sensitivity``: turn of the line of sight per motion across it, rad/m."""
+        along_P = self.direction_P / np.linalg.norm(self.direction_P)
+        turn_P = cross(_BORESIGHT_P, along_P * self.active)
+        return ModeOnPayload(self.mass, self.position_P, along_P, np.zeros(3), sensitivity * turn_P[:2])
+
+
+@dataclass(frozen=True, eq=False)
+class PayloadMode(Checked):
+    """A mass-normalised flexible mode of the payload, of its structure with the platform held."""
+
+    frequency: float = quantity("Hz", "Natural frequency with the platform held; 0 = rigid", at_least=0.0)
+    damping_ratio: float = quantity("1", "Damping ratio of the payload mode", at_least=0.0)
+    participation_P: Array = quantity(
+        "sqrt(kg)|sqrt(kg).m", "Participation in P at its origin: three translations, then three rotations",
+        shape=(6,),
+    )
+    line_of_sight_x: float = quantity(
+        "rad/(sqrt(kg).m)", "Turn of the line of sight about x of P, per unit of the mode's coordinate"
+    )
+    line_of_sight_y: float = quantity(
+        "rad/(sqrt(kg).m)", "Turn of the line of sight about y of P, per unit of the mode's coordinate"
+    )
+
+    @classmethod
+    def unused(cls) -> PayloadMode:
+        """What fills a place for a mode that nobody needs."""
+        return cls(0.0, 0.0, np.zeros(6), 0.0, 0.0)
+
+    @property
+    def active(self) -> bool:
+        """Whether it moves at all."""
+        return self.frequency > 0.0
+
+    def participation_at(self, point_P: Array) -> Array:
+        """Participation at another point of the payload (3,), m: (6,), as ``participation_P``."""
+        return move_participation(self.participation_P, point_P)
+
+    def place_on_payload(self, sensitivity: float) -> ModeOnPayload:
+        """The mode on the payload.  ``sensitivity`` is of truss modes alone."""
+        direction_P, moment_P = self.participation_P[:3], self.participation_P[3:]
+        turn = self.active * np.array([self.line_of_sight_x, self.line_of_sight_y])
+        return ModeOnPayload(1.0, np.zeros(3), direction_P, moment_P, turn)
+
 
 @dataclass(frozen=True, eq=False)
 class BusMode(Checked):
@@ -68,8 +135,33 @@ class BusMode(Checked):
 
     def participation_at(self, point_B: Array) -> Array:
         """Participation at another point of the bus (3,), m: (6,), as ``participation_B``."""
-        translation, rotation = self.participation_B[:3], self.participation_B[3:]
-        return np.concatenate([translation, rotation - np.cross(point_B, translation)])
+        return move_participation(self.participation_B, point_B)
+
+
+M = TypeVar("M", TrussMode, PayloadMode, BusMode)
+A = TypeVar("A", bound=TrussMode | PayloadMode | BusMode)
+
+
+def move_participation(participation: Array, point: Array) -> Array:
+    """Participation (6,) about a point (3,), m, from that about the origin."""
+    translation, rotation = participation[:3], participation[3:]
+    return np.concatenate([translation, rotation - np.cross(point, translation)])
+
+
+def fill_places(name: str, modes: tuple[M, ...], kind: type[M], most: int) -> tuple[M, ...]:
+    """The modes, and unused ones in the places that are left.  Raises ParameterError for more than ``most``."""
+    if len(modes) > most:
+        raise ParameterError(
+            name,
+            f"{len(modes)} modes, but the FMU of the plant holds {most}: leave out those that matter least, "
+            "for example by their participation",
+        )
+    return modes + tuple(kind.unused() for _ in range(most - len(modes)))
+
+
+def drop_unused(modes: Sequence[A]) -> Sequence[A]:
+    """The modes up to the last one that moves: places behind it have no coordinates, and cost nothing."""
+    return modes[: max((i for i, mode in enumerate(modes, 1) if mode.active), default=0)]
 
 
 @dataclass(frozen=True, eq=False)

@@ -143,16 +143,16 @@ class HostedModel:
         states[rate, self._rate_columns] = np.eye(3)
         return self._with_locked(result)
 
-    def split_map(self, h: float, idle: int = 0) -> tuple[Array, Array] | None:
+    def split_map(self, h: float) -> tuple[Array, Array] | None:
         """As :meth:`step_map`: x(t + h) from [x; inputs](t), then y(t + h) from [x(t + h); inputs(t)].
 
-        The outputs take few of the states each, where in :meth:`step_map` they take nearly all.  Behind the motion
-        there are ``idle`` columns of zeros.  None where the motion is prescribed.
+        The outputs take few of the states each, where in :meth:`step_map` they take nearly all.  None where the motion
+        is prescribed.
         """
         if self.prescribed:
             return None
         Ad, Bd, C, D = self.model.hold(h)
-        return self._spread(Ad, Bd, idle), self._with_locked(self._spread(C, D, idle, N_HOST_OUTPUTS))
+        return self._spread(Ad, Bd), self._with_locked(self._spread(C, D, N_HOST_OUTPUTS))
 
     @property
     def rate_places(self) -> slice:
@@ -177,10 +177,10 @@ class HostedModel:
         wide[:, :at], wide[:, at + n_columns - matrix.shape[1] :] = matrix[:, :at], matrix[:, at:]
         return wide
 
-    def _spread(self, by_state: Array, by_input: Array, idle: int, below: int = 0) -> Array:
-        """A map from state and inputs, with columns of zeros for the motion and as ``idle``, and rows of them below."""
+    def _spread(self, by_state: Array, by_input: Array, below: int = 0) -> Array:
+        """A map from state and inputs, with columns of zeros for the motion, and rows of them below."""
         m, n = by_state.shape
-        at, gap = n + N_EXTERNAL, N_MOTION + idle
+        at, gap = n + N_EXTERNAL, N_MOTION
         wide = np.zeros((m + below, n + N_INPUTS + gap))
         wide[:m, :n] = by_state
         wide[:m, n:at], wide[:m, at + gap :] = by_input[:, :N_EXTERNAL], by_input[:, N_EXTERNAL:]

@@ -15,7 +15,7 @@ import pkgutil
 import reprlib
 import tomllib
 from collections.abc import Iterable
-from dataclasses import dataclass, fields
+from dataclasses import MISSING, dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,16 @@ from typing import Any
 import numpy as np
 
 from .kinematics import LARGEST_CONDITION, Geometry, condition_number, platform_jacobian
-from .modes import BusMode, TrussMode, check_modal_mass
+from .modes import (
+    MOST_BUS_MODES,
+    MOST_PAYLOAD_MODES,
+    MOST_TRUSS_MODES,
+    BusMode,
+    PayloadMode,
+    TrussMode,
+    check_modal_mass,
+    fill_places,
+)
 from .quantities import Array, Checked, ParameterError, check_inertia, freeze, quantity
 
 PAPER = Path(__file__).with_name("paper.toml")
@@ -130,19 +139,17 @@ class Payload(Checked):
     com_P: Array = quantity("m", "Centre of mass of payload and platform, in P", shape=(3,))
     inertia_P: Array = quantity("kg.m2", "Inertia of payload and platform about their centre of mass, in P")
     truss_modes: tuple[TrussMode, ...] = quantity("", "Truss modes")
+    modes: tuple[PayloadMode, ...] = quantity("", "Flexible modes beside those of the truss", default=())
 
     def __post_init__(self) -> None:
         super().__post_init__()
         self._set("inertia_P", check_inertia(self.inertia_P, "inertia"))
-        check_modal_mass(
-            self.mass,
-            self.inertia_P,
-            (
-                (f"truss_mode_{i}.mass", mode.participation_at(self.com_P))
-                for i, mode in enumerate(self.truss_modes, 1)
-                if mode.active
-            ),
-        )
+        named: list[tuple[str, TrussMode | PayloadMode]] = [
+            *((f"truss_mode_{i}.mass", mode) for i, mode in enumerate(self.truss_modes, 1)),
+            *((f"mode_{i}.participation", mode) for i, mode in enumerate(self.modes, 1)),
+        ]
+        participations = ((name, mode.participation_at(self.com_P)) for name, mode in named if mode.active)
+        check_modal_mass(self.mass, self.inertia_P, participations)
 
 
 @dataclass(frozen=True, eq=False)
@@ -243,6 +250,17 @@ class Parameters:
     known_com_P: Array
     noise: Noise
 
+    def fill_places(self) -> Parameters:
+        """The set with as many modes as the FMU of the plant holds: unused ones in the places that are left.
+
+        Raises ParameterError for more modes than that; the text names them and the number that fits.
+        """
+        truss = fill_places("payload.truss_modes", self.payload.truss_modes, TrussMode, MOST_TRUSS_MODES)
+        modes = fill_places("payload.modes", self.payload.modes, PayloadMode, MOST_PAYLOAD_MODES)
+        of_bus = fill_places("bus.modes", self.bus.modes, BusMode, MOST_BUS_MODES)
+        payload, bus = replace(self.payload, truss_modes=truss, modes=modes), replace(self.bus, modes=of_bus)
+        return replace(self, payload=payload, bus=bus)
+
 
 def load(path: Path | None = None, bus: str = "OSM") -> Parameters:
     """Read a parameter set.
@@ -309,8 +327,8 @@ _NESTED: dict[str, type] = {
     "fine_legs": FineLeg,
     "coarse_rods": CoarseRods,
     "truss_modes": TrussMode,
-    "modes": BusMode,
 }
+_MODES: dict[str, type] = {"Payload": PayloadMode, "Bus": BusMode}
 
 
 def _entry(table: dict[str, Any], key: str, where: str) -> Any:
@@ -338,9 +356,12 @@ def build(cls: type, table: Any, where: str) -> Any:
     names = [f.name for f in fields(cls)]
     refuse_unknown(table, names, where)
     values: dict[str, Any] = {}
-    for name in names:
+    for f in fields(cls):
+        name = f.name
+        if name not in table and f.default is not MISSING:
+            continue
         value = _entry(table, name, where)
-        nested = _NESTED.get(name)
+        nested = _MODES[cls.__name__] if name == "modes" else _NESTED.get(name)
         if nested is not None and isinstance(value, list):
             value = tuple(build(nested, item, f"{where}.{name}[{i}]") for i, item in enumerate(value, 1))
         elif nested is not None:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import reprlib
 from collections.abc import Callable, Mapping
-from dataclasses import Field, dataclass, field, fields, is_dataclass, replace
+from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass, replace
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -48,6 +48,7 @@ def quantity(
     at_most: float | None = None,
     display: str | None = None,
     shape: tuple[int, ...] | None = None,
+    default: Any = MISSING,
 ) -> Any:
     """A dataclass field with its unit and description.
 
@@ -55,7 +56,7 @@ def quantity(
     """
     bounds = {"above": above, "at_least": at_least, "at_most": at_most}
     about = {"unit": unit, "description": description, "bounds": bounds, "display": display, "shape": shape}
-    return field(metadata=about)
+    return field(default=default, metadata=about)
 
 
 def group(*, flat: bool = False, keep: Callable[[str], bool] | None = None) -> Any:

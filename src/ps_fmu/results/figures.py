@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+PAINTERS = 2
+"""Processes of a :class:`Painter`: as many as draw faster than one beside a run that ends."""
 MOST_SPANS = 1500
 """Of a curve over the width of a chart; where it has more values it is drawn as the extremes of each span."""
 _DECADES = 30.0  # from the first value of a logarithmic axis to the last: powers of ten are ticks enough
@@ -42,9 +44,12 @@ _DRAWN: Mapping[str, dict[str, Any]] = {
 }  # fmt: skip
 
 
-def draw_exploration(explored: Exploration, folder: Path) -> list[Picture]:
-    """Draw the stills of all groups into a folder; the pictures, with their captions.  Raises OSError."""
-    stills = _list_stills(explored)
+def draw_exploration(explored: Exploration, folder: Path, first: int = 0, stride: int = 1) -> list[Picture]:
+    """Draw the stills of all groups into a folder; the pictures, with their captions.  Raises OSError.
+
+    ``first``, ``stride``: which of the stills.
+    """
+    stills = _list_stills(explored)[first::stride]
     for file, _, paint in stills:
         paint(folder / file)
     return [Picture(folder / file, caption) for file, caption, _ in stills]
@@ -64,56 +69,63 @@ def _list_stills(explored: Exploration) -> list[tuple[str, str, Callable[[Path],
 
 
 class Painter:
-    """A process of its own that draws figures while this one does something else.
+    """Processes of their own that draw figures while this one does something else.
 
-    It begins by importing matplotlib, which takes 0.5 s.  What it cannot draw, or where it cannot be started, is drawn
-    here.
+    They begin by importing matplotlib, which takes 0.5 s.  What they cannot draw, or where they cannot be started, is
+    drawn here.
     """
 
     def __init__(self) -> None:
         command = [sys.executable, "-I", "-c", f"from {__name__} import draw_what_comes; draw_what_comes()"]
-        self._process: subprocess.Popen[bytes] | None = None
+        none = subprocess.DEVNULL
+        self._processes: list[subprocess.Popen[bytes]] = []
         with suppress(OSError):
-            none = subprocess.DEVNULL
-            self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=none, stderr=none)
+            for _ in range(PAINTERS):
+                self._processes.append(subprocess.Popen(command, stdin=subprocess.PIPE, stdout=none, stderr=none))
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """End the process."""
-        if self._process is not None:
-            self._process.kill()
-            self._process.wait()
+        """End the processes."""
+        for process in self._processes:
+            process.kill()
+            process.wait()
 
     def begin(self, explored: Exploration, folder: Path) -> Callable[[], list[Picture]]:
-        """Have the stills of all groups drawn into a folder.
+        """Have the stills of all groups drawn into a folder, by the processes in turn.
 
         What waits until they are drawn, and returns the pictures with their captions; that raises OSError.
         """
-        shown, process = replace(explored, mechanism=None, cases=None), self._process
-        if process is None:
+        shown, processes = replace(explored, mechanism=None, cases=None), self._processes
+        if not processes:
             return partial(draw_exploration, explored, folder)
-        given = msgspec.msgpack.encode((str(folder.absolute()), shown), enc_hook=_write_array)
-        thread = Thread(target=process.communicate, args=(given,), daemon=True)  # it may not listen yet
-        thread.start()
+        threads = []
+        for place, process in enumerate(processes):
+            asked = str(folder.absolute()), shown, place, len(processes)
+            given = msgspec.msgpack.encode(asked, enc_hook=_write_array)
+            threads.append(Thread(target=process.communicate, args=(given,), daemon=True))  # it may not listen yet
+            threads[-1].start()
 
         def wait() -> list[Picture]:
-            thread.join()
-            if process.returncode:
-                return draw_exploration(explored, folder)
+            for thread in threads:
+                thread.join()
+            for place, process in enumerate(processes):
+                if process.returncode:
+                    draw_exploration(explored, folder, place, len(processes))
             return [Picture(folder / file, caption) for file, caption, _ in _list_stills(explored)]
 
         return wait
 
 
 def draw_what_comes() -> None:
-    """Draw what a :class:`Painter` asks for; the program of its process."""
+    """Draw what a :class:`Painter` asks for; the program of its processes."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # who has asked for it ends it
     prepare_drawing().join()
     if given := sys.stdin.buffer.read():
-        folder, explored = msgspec.msgpack.decode(given, type=tuple[str, Exploration], dec_hook=_read_array)
-        draw_exploration(explored, Path(folder))
+        kind = tuple[str, Exploration, int, int]
+        folder, explored, first, stride = msgspec.msgpack.decode(given, type=kind, dec_hook=_read_array)
+        draw_exploration(explored, Path(folder), first, stride)
 
 
 def _write_array(value: Any) -> Any:

@@ -89,18 +89,44 @@ def is_own(system: Path) -> bool:
         return False
 
 
-def provide_fmus(folder: Path, system: Path | None = None) -> None:
+def choose_fmus(system: Path, folder: Path | None = None, *, outside: bool = False) -> Path | None:
+    """Where the FMUs of a system are sought first; None: where the system says.
+
+    That is the ``folder`` of the user, if there is one.  It is the folder of ps_fmu's own FMUs for a description of
+    ps_fmu, and for one of the user whose FMUs are not all where it says, but are ps_fmu's.  ``outside``: as
+    :func:`ps_fmu.cosim.read_system`.
+    """
+    if folder is not None or system.suffix.lower() in (".ssp", ".fmu"):
+        return folder
+    if not is_own(system):
+        from ..cosim.errors import CosimError, MissingFmuError
+        from ..cosim.ssp.reading import read_any_system
+
+        try:
+            read_any_system(system, outside=outside)
+            return None
+        except MissingFmuError as error:
+            if error.fmu.stem not in list_models(find_product().root):
+                return None
+        except CosimError:
+            return None  # whoever reads the system says what is wrong
+    return find_built_folder()
+
+
+def provide_fmus(folder: Path | None, system: Path | None = None) -> None:
     """Have the product's FMUs in a folder, up to date.
 
     Parameters
     ----------
-    folder: by :func:`find_built_folder`, or one that the user names.
+    folder: by :func:`find_built_folder`, or one that the user names; None: nothing is built.
     system: a system description as :func:`ps_fmu.cosim.read_system` takes it; an installed package builds only the
         FMUs that it names.
 
     Raises BuildError, OSError, and CosimError for a system that cannot be read.
     """
     product = find_product()
+    if folder is None:
+        return
     if product.in_checkout:
         ensure_built(folder, product.root)
         return

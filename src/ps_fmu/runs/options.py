@@ -22,7 +22,7 @@ from ..cosim.ssp.osp import OSP_NAME
 from ..cosim.ssp.sources import SSD_NAME
 from ..cosim.structure import Value, suggest_names
 from ..product.files import find_file, find_product
-from .built_fmus import find_built_folder, is_own
+from .built_fmus import choose_fmus
 from .scenario import PLAIN, SCENARIOS, Scenario, find_scenario
 
 MOST_STEPS = 10**10  # of a run: 1e6 s at 1e-4 s, some hours
@@ -68,6 +68,7 @@ class RunOptions:
     disturbance: Path | None = None  # recorded wrench, CSV or netCDF, see ps_fmu.runs.recorded
     inputs: Path | None = None  # CSV file of inputs over time, see ps_fmu.cosim.signals
     fmus: Path | None = None  # folder with FMUs; those that are not there, by default all, lie where the system says
+    replace: Mapping[str, Path] = field(default_factory=dict)  # FMUs in place of components, by their names
     outside: bool = False  # the system may use files outside of its folder or archive
     progress: bool = True
     profile: bool = False  # time each FMU, the exchange and the observers
@@ -172,6 +173,7 @@ class GivenOptions(TypedDict, total=False):
     disturbance: str | PathLike[str] | None
     inputs: str | PathLike[str] | None
     fmus: str | PathLike[str] | None
+    replace: Mapping[str, str | PathLike[str]] | Sequence[str]
     outside: bool
     progress: bool
     profile: bool
@@ -202,8 +204,7 @@ def make_options(what: str, output: Path, **given: Unpack[GivenOptions]) -> RunO
     fmus = None if (folder := given.get("fmus")) is None else Path(folder)
     if fmus is not None and not fmus.is_dir():
         raise OptionError(f"--fmus: there is no folder {fmus}")
-    if fmus is None and (is_own(system) if scenario is PLAIN else system.suffix.lower() != ".ssp"):
-        fmus = find_built_folder()
+    fmus = choose_fmus(system, fmus, outside=given.get("outside", False))
     if scenario is PLAIN and given.get("apart"):
         raise OptionError("--apart: is for scenarios: in another system nothing is said of parameters that differ")
     observe, isolate = given.get("observe", ()), given.get("isolate", False)
@@ -235,6 +236,7 @@ def make_options(what: str, output: Path, **given: Unpack[GivenOptions]) -> RunO
         disturbance=None if disturbance is None else Path(disturbance),
         inputs=find(given.get("inputs")),
         fmus=fmus,
+        replace=read_replacements(given.get("replace", ())),
         outside=given.get("outside", False),
         progress=given.get("progress", True),
         profile=given.get("profile", False),
@@ -246,6 +248,26 @@ def make_options(what: str, output: Path, **given: Unpack[GivenOptions]) -> RunO
         source=None if source is None else Path(source),
         anew=tuple(given.get("anew", ())),
     )
+
+
+def read_replacements(given: Mapping[str, str | PathLike[str]] | Sequence[str]) -> dict[str, Path]:
+    """FMUs by the components that they replace, of a mapping, or of texts such as ``isolator=my.fmu``.
+
+    Raises :class:`OptionError`: another form, a component twice, or a file that is not there or no FMU.
+    """
+    found: dict[str, Path] = {}
+    for text in given.items() if isinstance(given, Mapping) else given:
+        name, file = text.partition("=")[::2] if isinstance(text, str) else text
+        if not (name and str(file)):
+            raise OptionError(f"--replace: expected COMPONENT=FILE.fmu, such as isolator=my.fmu, got {text!r}")
+        if name in found:
+            raise OptionError(f"--replace: {name} is given twice, {found[name]} and {file}: leave one of them out")
+        path = found[name] = Path(file)
+        if not path.is_file() or path.suffix.lower() != ".fmu":
+            problem = "expected a file .fmu, got" if path.exists() else "there is no file"
+            hint = "; ps-fmu build makes an FMU of it" if path.suffix == ".py" else ""
+            raise OptionError(f"--replace: {name}: {problem} {path}{hint}")
+    return found
 
 
 def choose_run(what: str, system: str | PathLike[str] | None = None) -> tuple[Scenario, Path]:

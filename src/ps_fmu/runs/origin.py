@@ -23,7 +23,7 @@ from ..cosim.structure import Component, Value
 from ..reduction.columns import NETCDF_LOCK
 from ..results.summary import FmuFile, versions
 from .options import NOT_KEPT, SOURCE, RunOptions, name_option
-from .setup import SEED, RunSystem, has_disturbance, identify_fmus
+from .setup import SEED, RunSystem, has_disturbance
 
 PARAMETERS = "parameters"
 """Name of the group of start values."""
@@ -64,7 +64,7 @@ def write_origin(path: Path, options: RunOptions, system: RunSystem) -> None:
 
 def _write(file: Any, options: RunOptions, system: RunSystem) -> None:
     file.setncatts(list_attributes(options, system))
-    components, fmus = system.structure.components, identify_fmus(system)
+    components, fmus = system.structure.components, system.fmus
     _write_texts(file, "component", [component.name for component in components], "name in the system")
     _write_texts(file, "fmu", [fmu.name for fmu in fmus], "FMU", "component")
     _write_texts(file, "fmu_sha256", [fmu.sha256 for fmu in fmus], "SHA-256 of the FMU", "component")
@@ -113,6 +113,9 @@ def format_command(options: RunOptions) -> str:
     for one in fields(options):
         value = getattr(options, one.name)
         if one.name in _NO_COMMAND or value is None or value is False:
+            continue
+        if one.name == "replace":
+            words += [word for name, path in value.items() for word in ("--replace", f"{name}={path.name}")]
             continue
         if one.name == "scheme":
             words += _list_scheme(make_scheme(value))

@@ -16,7 +16,7 @@ from ..results.summary import versions, write_summary
 from ..results.tables import Table
 from .cases import Outcome
 from .options import REPORT, RESULTS, SUMMARY, RunOptions
-from .setup import SEED, RunSystem, collect_parameters, has_disturbance, identify_fmus
+from .setup import SEED, RunSystem, collect_parameters, has_disturbance
 from .stored_rows import finish_file
 
 
@@ -79,7 +79,7 @@ def publish(
         wait = draw_here if painter is None else painter.begin(explored, options.output)
         pictures += findings.draw(options.output)
     try:
-        finish_file(options.output / RESULTS)
+        finish_file(options.output / RESULTS, filled=all(outcome.ended is None for outcome in findings.outcomes))
     except OSError as error:  # the rows are there; nothing else is to be lost
         system.warnings.add(str(error))
     verdicts = system.judge.conclude()
@@ -94,7 +94,7 @@ def publish(
         explored=explored,
         pictures=pictures,
         parameters=collect_parameters(options, system),
-        fmus=identify_fmus(system),
+        fmus=system.fmus,
         versions=versions(),
         warnings=system.warnings.texts,
     ).write(options.output / REPORT)
@@ -126,7 +126,7 @@ def make_summary(options: RunOptions, system: RunSystem, findings: Findings) -> 
         "rms_active_rad": findings.rms_active_rad,
         "rejection_percent": findings.rejection_percent,
         "real_time_factor": findings.real_time_factor,
-        "fmus": identify_fmus(system),
+        "fmus": system.fmus,
         "versions": versions(),
         **findings.more,
         **required,

@@ -3,10 +3,37 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from fmpy.model_description import ModelVariable
+
+
+@dataclass(frozen=True)
+class Need:
+    """A variable that a scenario sets or reads: a system whose component does not have it is refused."""
+
+    name: str  # component.variable
+    causality: str  # "input": the scenario sets it; "output" and "parameter": the scenario reads it
+    type: str = "Real"  # of FMI
+    purpose: str = ""  # why the scenario needs it, where the name does not say that
+
+    def is_met_by(self, variable: ModelVariable | None) -> bool:
+        """Whether a variable of the FMU is what the scenario needs."""
+        return variable is not None and (variable.causality, variable.type) == (self.causality, self.type)
+
+    @property
+    def use(self) -> str:
+        """What the scenario does with it."""
+        return "sets" if self.causality == "input" else "reads"
+
+
+def list_needs(causality: str, *names: str, type: str = "Real", purpose: str = "") -> Iterator[Need]:
+    """Needs of one causality and type."""
+    return (Need(name, causality, type, purpose) for name in names)
 
 
 @dataclass(frozen=True)
@@ -15,7 +42,8 @@ class Scenario:
 
     Its module, imported when it runs, has ``find(run) -> Findings``: it runs the cases and returns what comes of
     them, prints nothing and draws nothing.  Its ``list_cases()`` names the runs, for requirements to name; a module
-    in which only ``find`` knows them has none.  A study, which runs its cases itself, has no module.
+    in which only ``find`` knows them has none.  Its ``NEEDS`` are the variables that the system must have.  A study,
+    which runs its cases itself, has no module.
     Times that are not a number are those of the system, see :func:`.setup.settle_times`.
     """
 
@@ -37,6 +65,10 @@ class Scenario:
             return self.cases
         module = self.load()
         return tuple(module.list_cases()) if hasattr(module, "list_cases") else ()
+
+    def find_needs(self) -> tuple[Need, ...]:
+        """The variables that the scenario sets and reads; its module is imported."""
+        return tuple(getattr(self.load(), "NEEDS", ())) if self.module else ()
 
     def load(self) -> Any:
         """Import the module."""

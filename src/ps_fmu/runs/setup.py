@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 from fmpy.model_description import ModelDescription
 
@@ -16,6 +17,7 @@ from ..cosim.faults.active import make_faults
 from ..cosim.faults.reading import FaultFile, read_faults
 from ..cosim.graph import Wiring, check_wiring
 from ..cosim.recording.thinner import matches, select_names
+from ..cosim.replacing import replace_components
 from ..cosim.rows import Column
 from ..cosim.schemes.resolving import resolve_scheme
 from ..cosim.schemes.scheme import Scheme, make_scheme
@@ -30,11 +32,14 @@ from .judge import RunJudge, read_judge
 from .logs import CostLog, WarningLog
 from .options import PARAMETERS, OptionError, RunOptions
 from .runner import Runner
+from .scenario import Need
 from .stored_rows import KeptRows
 
 SEED = "disturbance.seed"
 RECORDING_PATH = "disturbance.recording.path"
 NOISE, MULTISINE = "disturbance.noise.enabled", "disturbance.noise.multisine"
+DISTURBED = (Need(SEED, "parameter", "Integer"), Need(NOISE, "parameter", "Boolean"))
+"""What scenarios need that set the disturbance themselves."""
 LOWEST_NOISE, HIGHEST_NOISE = "disturbance.noise.band.min", "disturbance.noise.band.max"  # Hz
 #: Highest frequency of the noise over the rate of the steps.  What is above half that rate would fold down to low
 #: frequencies, where the same force moves the bus a thousand times more.
@@ -81,6 +86,11 @@ class RunSystem:
     """Where the rows of the runs are kept in memory; None: they are written into results.nc."""
     runner: Runner | None = None
     """Has the FMUs, where they stay loaded from run to run."""
+
+    @cached_property
+    def fmus(self) -> tuple[FmuFile, ...]:
+        """Name and SHA-256 of the FMU of each component."""
+        return tuple(FmuFile.of(component.source) for component in self.structure.components)
 
     def get_start(self, name: str) -> Value:
         """The value that ``component.variable`` will start with: as set in the system, or else as its FMU has it.
@@ -129,10 +139,12 @@ def read_files(options: RunOptions) -> SystemFiles:
     warnings = WarningLog()
     if not options.scenario.foreign:
         structure = read_system(options.system, options.fmus, outside=options.outside)
+        structure = replace_components(structure, options.replace)
         return SystemFiles(structure, read_descriptions(structure))
     with warnings.collect():
         sets = [read_parameters(path).entries() for path in options.parameters]
         structure = read_any_system(options.system, options.fmus, outside=options.outside, values=sets)
+        structure = replace_components(structure, options.replace)
         return SystemFiles(structure, read_descriptions(structure, lenient=True), warnings.texts)
 
 
@@ -167,7 +179,7 @@ def load_system(
     Raises :class:`OptionError` for a step that is too long for any noise, for a scheme, requirements or a recorded
     disturbance that cannot be used, for outputs to store that there are not, and for a recorded disturbance in a
     scenario whose defaults are a recording or a multisine; :class:`ps_fmu.cosim.SystemFileError` or
-    :class:`ps_fmu.cosim.UsageError` naming the file and line, and for a scenario without a disturbance source.
+    :class:`ps_fmu.cosim.UsageError` naming the file and line.
     """
     given: dict[str, Parameter] = {}
     for path in options.parameters:
@@ -176,6 +188,7 @@ def load_system(
     own = _read_disturbance(options, defaults or {}, given)
     files = read_files(options) if files is None else files
     structure, descriptions, foreign = files.structure, files.descriptions, options.scenario.foreign
+    check_needs(options, structure, descriptions)
     disturbed = has_disturbance(descriptions)
     if disturbed and options.seed is not None:
         own[SEED] = options.seed
@@ -192,11 +205,10 @@ def load_system(
                 warnings.add(text)
             structure = settle(structure, wiring)
         else:
-            if not disturbed:
-                source = parse_port(SEED).component
-                missing = f"there is no component {source!r}, whose noise scenarios need: add one"
-                raise UsageError(f"{options.system}: {missing}")
-            structure = structure.with_parameters({**(defaults or {}), **own}).with_parameters(given)
+            structure = structure.with_parameters({**_keep_known(defaults or {}, disturbed, warnings), **own})
+            structure = structure.with_parameters(given)
+            for text in structure.remarks:
+                warnings.add(text)
         clock, scheme = StepClock(0.0, options.step_s), _resolve_scheme(options, structure, descriptions)
     faults = None if options.faults is None else read_faults(options.faults)
     seen = make_faults(faults, structure, descriptions, clock, scheme).recorded
@@ -215,6 +227,43 @@ def load_system(
         if (acts_s := round_delay(set_s, options.step_s)) != set_s:
             system.warnings.add(describe_rounding(name, system.get_origin(name), set_s, acts_s, options.step_s))
     return limit_noise(system, options.step_s) if disturbed and not options.is_plain else system
+
+
+def _keep_known(defaults: Mapping[str, Value], disturbed: bool, warnings: WarningLog) -> dict[str, Value]:
+    """The scenario's settings, without those of a disturbance source that there is not: a warning names them."""
+    source = f"{parse_port(SEED).component}."
+    left = [] if disturbed else [name for name in defaults if name.startswith(source)]
+    if left:
+        warnings.add(f"the system has no DisturbanceSource: the scenario does not set {', '.join(left)}")
+    return {name: value for name, value in defaults.items() if name not in left}
+
+
+def check_needs(options: RunOptions, structure: System, descriptions: Mapping[str, ModelDescription]) -> None:
+    """Raise :class:`OptionError` for a system without a variable that its scenario sets or reads: it names all."""
+    scenario = options.scenario
+    absent: dict[str, list[str]] = {}
+    problems = []
+    for need in scenario.find_needs():
+        component, name = parse_port(need.name)
+        if component not in descriptions:
+            absent.setdefault(component, []).append(name)
+        elif not need.is_met_by(found := index_variables(descriptions[component]).get(name)):
+            there = "" if found is None else f"; {name} is {found.causality}, {found.type}"
+            why = f": {need.purpose}" if need.purpose else ""
+            problems.append(
+                f"{component} ({structure.component(component).source.name}) has no {need.causality} {name} of type "
+                f"{need.type}, which the scenario {need.use}{there}{why}"
+            )
+    for component, names in absent.items():
+        problems.append(f"there is no component {component!r}, of which the scenario uses {', '.join(names)}")
+    if scenario.module and not scenario.foreign and (source := parse_port(SEED).component) not in descriptions:
+        problems.append(f"there is no component {source!r}, which shakes the bus: add one")
+    if problems:
+        listed = "\n".join(f"- {text}" for text in problems)
+        raise OptionError(
+            f"--system: {options.system} does not fit the scenario {scenario.name}:\n{listed}\n"
+            f"ps-fmu list {scenario.name} lists all that it uses; ps-fmu run {options.system} runs any system"
+        )
 
 
 def list_delays(system: RunSystem) -> Iterator[tuple[str, float]]:
@@ -338,11 +387,6 @@ def collect_parameters(options: RunOptions, system: RunSystem) -> dict[str, obje
             if variables[name].start is None or entry.value != read_start(variables[name])
         }
     return found
-
-
-def identify_fmus(system: RunSystem) -> tuple[FmuFile, ...]:
-    """Name and SHA-256 of each FMU of the system."""
-    return tuple(FmuFile.of(component.source) for component in system.structure.components)
 
 
 def limit_noise(system: RunSystem, step_s: float) -> RunSystem:

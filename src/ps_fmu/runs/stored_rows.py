@@ -139,12 +139,14 @@ _SAMPLE_ROWS = 1000
 _BLOCK_ROWS = 160_000
 
 
-def finish_file(path: Path) -> None:
+def finish_file(path: Path, *, filled: bool = False) -> None:
     """Compress a results.nc, if there is one.
 
     Columns are compressed where that halves them, or nearly so: those that are constant or slow, half of the default
     system's.  What is left is noise, which would shrink by a fifth and take four times as long.  A file of more than
     :data:`MOST_COLUMNS` stays as it is, and one below :data:`LEAST_BYTES` where no chunk is longer than its column.
+
+    ``filled``: no run has ended early, so that no chunk is; a small file is not opened then, which takes 30 ms.
 
     Raises OSError if it cannot be written; the file is there then, as the runs left it.
     """
@@ -153,6 +155,8 @@ def finish_file(path: Path) -> None:
     if not path.is_file():
         return
     size, free = path.stat().st_size, shutil.disk_usage(path.parent).free
+    if filled and size < LEAST_BYTES:
+        return
     if size > free:
         raise OSError(f"{path}: stays as it is: {size / 1e6:.1f} MB needed to compress it, {free / 1e6:.1f} MB free")
     beside = path.with_name(f".{path.name}.part")

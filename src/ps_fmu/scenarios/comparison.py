@@ -11,15 +11,19 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from ..cosim import UsageError
+from ..cosim import UsageError, Value
+from ..cosim.description import index_variables
+from ..cosim.structure import parse_port
 from ..pointing.spectra import rejection_percent
 from ..results.tables import Table, format_angles, format_number
 from ..runs.cases import Case, Outcome, run_case
 from ..runs.index_record import PROBABILITIES, WINDOW_S, IndexLog
 from ..runs.options import RunOptions
 from ..runs.publish import Findings
+from ..runs.scenario import list_needs
 from ..runs.setup import RunSystem
 from .jitter_record import JITTER_SIGNALS, JitterRecord
+from .jitter_record import NEEDS as RECORDED
 
 Array = NDArray[np.float64]
 Orientation: TypeAlias = tuple[float, float, float]
@@ -27,7 +31,18 @@ Orientation: TypeAlias = tuple[float, float, float]
 
 TARGET = ("commander.target.roll", "commander.target.pitch", "commander.target.yaw")
 AXES = ("x", "y", "z")
+ENABLED, LOOP = "isolator.enabled", "pointing.enabled"
 CASES = ("passive", "active")
+DRIVEN = (*list_needs("input", *TARGET), *list_needs("input", ENABLED, type="Boolean"))
+"""What the scenarios set."""
+NEEDS = (*DRIVEN, *RECORDED)
+"""Of the scenarios that compare the cases."""
+IN_CLOSED_FORM = tuple(
+    list_needs(
+        "parameter", "isolator.delay", "isolator.filters.highpass_frequency",
+        purpose="the closed form beside the run is that of FeedforwardIsolator; the scenario isolation has none",
+    )
+)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +155,7 @@ def run_cases(
             options,
             Case(
                 prefix + name,
-                {**targets, "isolator.enabled": enabled},
+                {**targets, **switch_loops(system, enabled=enabled)},
                 lead_s=lead_steps * options.step_s,
             ),
             judge,
@@ -150,6 +165,16 @@ def run_cases(
         for name, enabled in zip(CASES, (False, True), strict=True)
         if not only or name in only
     ]
+
+
+def switch_loops(system: RunSystem, *, enabled: bool) -> dict[str, Value]:
+    """The switches of a case: passive is without isolator and line-of-sight loop; active, the loop is as it is set."""
+    port = parse_port(LOOP)
+    if port.component not in system.descriptions or port.variable not in index_variables(
+        system.descriptions[port.component]
+    ):
+        return {ENABLED: enabled}
+    return {ENABLED: enabled, LOOP: enabled and system.get_start(LOOP)}
 
 
 def describe_alone(outcomes: Sequence[Outcome], indices: IndexLog) -> Findings:

@@ -7,10 +7,12 @@ from functools import partial
 from ..results.tables import Table, format_angles
 from ..runs.publish import Findings
 from ..runs.run import Run
+from ..runs.setup import has_disturbance
 from .amplification import explain_worse
 from .comparison import (
     CASES,
     HEADER,
+    NEEDS,
     compare,
     describe_alone,
     explain_refusal,
@@ -20,6 +22,8 @@ from .comparison import (
     run_cases,
 )
 from .exploration import explore_comparisons
+
+__all__ = ["NEEDS", "find", "list_cases"]
 
 
 def list_cases() -> tuple[str, ...]:
@@ -38,11 +42,13 @@ def find(run: Run) -> Findings:
     if worse := explain_worse(found, system, run.options):
         system.warnings.add(worse)
     table = Table("Jitter of the payload: rotation by vibration, axes of P", HEADER, make_rows(found))
-    rise = system.get_number("disturbance.rise_time")
+    rises = ""
+    if has_disturbance(system.descriptions):
+        rises = f"; the disturbance rises from zero over the first {system.get_number('disturbance.rise_time'):g} s"
     text = [
         f"FMUs in co-simulation: {', '.join(component.name for component in system.structure.components)}. The "
         "disturbance acts on the bus twice, without and with the feedforward isolator. Tables and figures cover the "
-        f"whole run; the disturbance rises from zero over the first {rise:g} s.",
+        f"whole run{rises}.",
     ]
     refused = "" if found.reachable else explain_refusal(found.target_deg)
     return Findings(

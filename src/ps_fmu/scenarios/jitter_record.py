@@ -15,6 +15,7 @@ from ..results.observers.scatter import Scatter, ScatterObserver
 from ..results.observers.statistics import DriftObserver, SignalStatistics, Statistics
 from ..results.observers.welch import Welch
 from ..runs.index_record import IMAGE_POINT, ROTATION
+from ..runs.scenario import list_needs
 
 Array = NDArray[np.float64]
 
@@ -22,7 +23,11 @@ ORIENTATION = tuple(f"plant.orientation.{angle}" for angle in ("roll", "pitch", 
 REACHABLE = "commander.reachable"
 SATURATED = "isolator.saturated"
 JITTER_SIGNALS = (*ROTATION, *IMAGE_POINT, *ORIENTATION, REACHABLE, SATURATED)
-"""What a :class:`JitterRecord` looks at."""
+"""What a :class:`JitterRecord` looks at; an isolator without a force limit has no flag for it."""
+NEEDS = (
+    *list_needs("output", *ROTATION, *IMAGE_POINT, *ORIENTATION),
+    *list_needs("output", REACHABLE, type="Boolean"),
+)
 PICTURE_BINS = 3000  # of the envelope, at most: more than a figure has pixels
 EXPLORED_BINS = 24_000  # the same where one zooms in: 1.5 MB in a report with two cases
 MAX_SEGMENT_ROWS = 2**18  # 26 s at 1e-4 s; a spectrum from 0.04 Hz in 2 MB per signal
@@ -56,7 +61,8 @@ class JitterRecord:
         self._envelope = EnvelopeObserver(columns, ROTATION, bins=(EXPLORED_BINS if explored else PICTURE_BINS) // 2)
         self._history = HistoryObserver(columns, ROTATION) if history else None
         self._state = LastRow(columns, (*ORIENTATION, REACHABLE))
-        self._saturated = Statistics(columns, (SATURATED,), start_s=start_s)
+        flagged = any(column.name == SATURATED for column in columns)
+        self._saturated = Statistics(columns, (SATURATED,), start_s=start_s) if flagged else None
         self._welch: Welch | None = None
         # Two segments' length at least, so that three are averaged; a power of two for the transform.
         rows = min(2 ** int(math.log2(max(counted, 1)) - 1), MAX_SEGMENT_ROWS)
@@ -113,6 +119,6 @@ class JitterRecord:
         return bool(self._state.result()[3] > 0.5)
 
     @property
-    def saturated(self) -> float:
-        """Fraction of the rows after the lead-in in which the isolator was at its force limit."""
-        return float(self._saturated.result().mean[0])
+    def saturated(self) -> float | None:
+        """Fraction of the rows after the lead-in in which the isolator was at its force limit; None: it has no flag."""
+        return None if self._saturated is None else float(self._saturated.result().mean[0])

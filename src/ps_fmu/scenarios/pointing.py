@@ -18,19 +18,43 @@ from ..runs.cases import Case, Outcome, run_case
 from ..runs.options import OptionError, RunOptions
 from ..runs.publish import Findings
 from ..runs.run import Run
-from ..runs.setup import RunSystem
+from ..runs.scenario import list_needs
+from ..runs.setup import DISTURBED, RunSystem
 from ..theory.line_of_sight import PointingLoop
-from .comparison import TARGET, Orientation, describe_alone, explain_refusal, read_target, to_degrees
+from .comparison import (
+    IN_CLOSED_FORM,
+    LOOP,
+    TARGET,
+    Orientation,
+    describe_alone,
+    explain_refusal,
+    read_target,
+    to_degrees,
+)
 from .exploration import shade_faults
 from .pointing_loop import MeasuredLoop, build_loop, make_shaking, measure_loop, read_tracker
 from .pointing_record import NAMES, Plan, PointingRecord, RecordMaker
+from .pointing_record import NEEDS as RECORDED
 from .pointing_report import CASES, Pointing, describe, explore_pointing, list_results, make_tables
 
 DEFAULT_TARGET = (float(np.radians(8.5)), 0.0, 0.0)
 START_S = 1.0  # the target changes
 HIDDEN_AT, HIDDEN_S = 2.0 / 3.0, 5.0  # of the duration; s
 SHORTEST_S = 3.0
-NEEDED = ("plant", "commander", "isolator", "tracker", "pointing")
+ATTITUDE = tuple(f"tracker.target_attitude.{k}" for k in "wxyz")
+VISIBLE = "tracker.target_visible"
+NEEDS = (
+    *list_needs("input", *TARGET, *ATTITUDE),
+    *list_needs("input", VISIBLE, LOOP, type="Boolean"),
+    *RECORDED,
+    *IN_CLOSED_FORM,
+    *list_needs(
+        "parameter", "pointing.loop.crossover_frequency", "pointing.delay", "tracker.latency",
+        purpose="the closed form beside the run is that of PointingController and LineOfSightSensor; the scenario "
+        "isolation has none",
+    ),
+    *DISTURBED,
+)
 WHEEL = {"disturbance.wheel_1.enabled": True}
 
 HOW = (
@@ -52,7 +76,6 @@ def find(run: Run) -> Findings:
     if options.duration_s < SHORTEST_S:
         raise OptionError(f"--duration: expected {SHORTEST_S:g} s at least, got {options.duration_s:g} s")
     system = run.load(WHEEL)
-    _check_components(system)
     make_shaking(options.step_s, read_tracker(system).sample_time)  # refuses steps that cannot measure the loop
     given = read_target(system)
     target = given if any(given) else DEFAULT_TARGET
@@ -103,14 +126,13 @@ def make_plan(system: RunSystem, options: RunOptions, target: Orientation) -> Pl
 
 def make_case(name: str, enabled: bool, plan: Plan, target: Orientation) -> Case:
     """One run: at first the target is where the payload looks."""
-    attitude = [f"tracker.target_attitude.{k}" for k in "wxyz"]
-    values = {**dict.fromkeys(TARGET, 0.0), "pointing.enabled": enabled}
+    values = {**dict.fromkeys(TARGET, 0.0), LOOP: enabled}
     events: list[tuple[float, str, float | bool]] = [
         *((plan.start_s, port, angle) for port, angle in zip(TARGET, target, strict=True)),
-        *((plan.start_s, port, number) for port, number in zip(attitude, plan.target, strict=True)),
+        *((plan.start_s, port, number) for port, number in zip(ATTITUDE, plan.target, strict=True)),
     ]
     if plan.hidden:
-        events += [(plan.hidden[0], "tracker.target_visible", False), (plan.hidden[1], "tracker.target_visible", True)]
+        events += [(plan.hidden[0], VISIBLE, False), (plan.hidden[1], VISIBLE, True)]
     return Case(name, values, events)
 
 
@@ -124,13 +146,3 @@ def _measure(
     values = dict(zip(TARGET, target, strict=True))
     with tqdm(total=3 * shaking.seeds, unit="run", disable=not options.progress, desc="loop cut open") as bar:
         return measure_loop(system.structure, loop, shaking, values, plan.target, options.seed or 0, bar.update)
-
-
-def _check_components(system: RunSystem) -> None:
-    names = {component.name for component in system.structure.components}
-    if missing := [name for name in NEEDED if name not in names]:
-        raise OptionError(
-            f"--system: the scenario pointing needs the components {', '.join(NEEDED)}; {system.structure.path} has no "
-            f"{' and no '.join(missing)}: take system/LineOfSight.ssd"
-        )
-

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..cosim import Column
 from ..results.observers.sampler import SampleObserver
+from ..runs.scenario import list_needs
 from ..sensors.line_of_sight import line_of_sight_error
 
 Array = NDArray[np.float64]
@@ -27,7 +28,12 @@ LOCKED, MOVING, REACHABLE = "tracker.locked", "commander.moving", "commander.rea
 FORCE = tuple(f"pointing.fine_force_{leg}" for leg in (1, 2, 3))
 TOTAL = tuple(f"isolator.fine_force_{leg}" for leg in (1, 2, 3))
 FINE = tuple(f"plant.fine_displacement_{leg}" for leg in (1, 2, 3))
-NAMES = (*ATTITUDE, *TURNED, *MEASURED, LOCKED, MOVING, REACHABLE, *FORCE, *TOTAL, *FINE)
+FLAGS = (LOCKED, MOVING, REACHABLE)
+NAMES = (*ATTITUDE, *TURNED, *MEASURED, *FLAGS, *FORCE, *TOTAL, *FINE)
+NEEDS = (
+    *list_needs("output", *(name for name in NAMES if name not in FLAGS)),
+    *list_needs("output", *FLAGS, type="Boolean"),
+)
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ from ..runs.options import OptionError
 from ..runs.publish import Findings
 from ..runs.run import Run
 from ..runs.setup import RunSystem
-from .comparison import TARGET, describe_alone, explain_refusal, read_target
+from .comparison import DRIVEN, ENABLED, TARGET, describe_alone, explain_refusal, read_target
 from .exploration import (
     FEWEST_ROWS,
     MOST_ROWS,
@@ -36,6 +36,7 @@ from .exploration import (
     show_mechanism,
 )
 from .jitter_record import ROTATION
+from .slew_record import NEEDS as RECORDED
 from .slew_record import SLEW_SIGNALS, SlewRecord
 from .slew_results import (
     ANGLES,
@@ -54,6 +55,7 @@ from .slew_results import (
 
 DEFAULT_TARGET = (math.radians(8.5), 0.0, 0.0)
 START_S = 1.0  # the target changes
+NEEDS = (*DRIVEN, *RECORDED)
 SHOWN = (("isolator off", "passive"), ("isolator on", "active"))
 """What charts call the cases, and their colours."""
 
@@ -87,7 +89,7 @@ def find(run: Run) -> Findings:
         events = [(start_s, port, angle) for port, angle in zip(TARGET, target, strict=True)]
         if not run.wants(name):
             continue
-        case = Case(name, {**at_rest, "isolator.enabled": enabled}, events)
+        case = Case(name, {**at_rest, ENABLED: enabled}, events)
         outcome, record = run_case(system, options, case, SlewRecord, needs=SLEW_SIGNALS)
         outcomes.append(outcome)
         found.append(record.result())

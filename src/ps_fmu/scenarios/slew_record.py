@@ -12,6 +12,7 @@ from ..mechanism.rotations import orientation_rate_map, rotation_matrix
 from ..results.observers.bins import Envelope, EnvelopeObserver
 from ..results.observers.observer import ColumnObserver, NamedColumn
 from ..results.observers.statistics import Arrival, ArrivalObserver
+from ..runs.scenario import list_needs
 from .jitter_record import ORIENTATION, REACHABLE, ROTATION
 
 Array = NDArray[np.float64]
@@ -39,6 +40,10 @@ JUDGED = (
 )
 SLEW_SIGNALS = (*JUDGED, MOVING)
 """What a :class:`SlewRecord` looks at."""
+NEEDS = (
+    *list_needs("output", *JUDGED[:-1]),
+    *list_needs("output", REACHABLE, MOVING, type="Boolean"),
+)
 NONE = np.full(3, np.nan)
 
 

@@ -23,13 +23,14 @@ from ..results.waterfall import CasePanel, Harmonic, ModeLine, Place, Waterfall
 from ..runs.options import OptionError, RunOptions
 from ..runs.publish import Findings
 from ..runs.run import Run
-from ..runs.setup import NOISE, RunSystem
+from ..runs.setup import DISTURBED, NOISE, RunSystem
 from ..theory.loop import Loop, loop_of
 from ..theory.natural_modes import NaturalMode, find_natural_modes
 from ..theory.sampled import LOOP_DELAY, from_wrench_stepped
 from .comparison import (
     CASES,
     HEADER,
+    IN_CLOSED_FORM,
     Comparison,
     compare,
     describe_alone,
@@ -39,6 +40,7 @@ from .comparison import (
     read_target,
     run_cases,
 )
+from .comparison import NEEDS as COMPARED
 from .exploration import explore_comparisons
 from .wheel_lines import (
     FEWEST_ROWS,
@@ -53,6 +55,7 @@ from .wheel_lines import (
 )
 
 COMPONENT = "disturbance"
+NEEDS = (*COMPARED, *IN_CLOSED_FORM, *DISTURBED)
 TOP_SPEED = 6000.0 * 2.0 * np.pi / 60.0  # rad/s
 BEYOND = 2.0  # times the highest mode: how far the waterfall goes; higher lines move the payload little
 LISTED = 6  # crossings of each case in the table

@@ -27,7 +27,7 @@ from ..cosim.schemes.scheme import Scheme
 from ..files.archive import compute_digest
 from ..requirements.quantity import make_value
 from ..results.summary import versions
-from ..runs.setup import RunSystem, identify_fmus
+from ..runs.setup import RunSystem
 from .plan import Plan
 from .rows import VersionError, write_durably
 from .study import Observed, StudyError
@@ -222,7 +222,7 @@ def _describe(observed: Observed) -> dict[str, Any]:
 def _name_fmus(system: RunSystem) -> dict[str, str]:
     """SHA-256 of the FMUs by their names; of several with one name, by that of the component, too."""
     found: dict[str, str] = {}
-    for component, fmu in zip(system.structure.components, identify_fmus(system), strict=True):
+    for component, fmu in zip(system.structure.components, system.fmus, strict=True):
         clash = found.get(fmu.name, fmu.sha256) != fmu.sha256
         found[f"{fmu.name} ({component.name})" if clash else fmu.name] = fmu.sha256
     return found

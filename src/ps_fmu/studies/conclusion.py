@@ -134,6 +134,7 @@ def conclude(options: SweepOptions, prepared: Prepared, folder: Path) -> str:
 def split_command(options: SweepOptions) -> tuple[str, str]:
     """The command that runs a case again, with all signals and a report: before and after the number of the case."""
     words = ["--output", str(options.output), *([] if options.fmus is None else ["--fmus", str(options.fmus)])]
+    words += options.replacements
     return shlex.join(["ps-fmu", "sweep", str(options.study), "--case"]) + " ", " " + shlex.join(words)
 
 

@@ -15,16 +15,13 @@ from ..cosim import Column, CosimError, UsageError, Value
 from ..cosim.checkpoint.warm_start import WarmStart
 from ..cosim.clock import StepClock
 from ..cosim.columns import list_run_columns
-from ..cosim.errors import MissingFmuError
 from ..cosim.faults.binding import bind_faults
 from ..cosim.faults.numbers import change_numbers
 from ..cosim.graph import check_wiring
 from ..cosim.schemes.resolving import resolve_scheme
-from ..cosim.ssp.reading import complete_experiment, read_any_system
+from ..cosim.ssp.reading import complete_experiment
 from ..cosim.structure import Experiment, encode_system
-from ..product.files import find_product
 from ..requirements.quantity import Names, Time
-from ..runs.built_fmus import find_built_folder, is_own, list_models, provide_fmus
 from ..runs.keeping import find_source
 from ..runs.options import OptionError, RunOptions
 from ..runs.scenario import Scenario
@@ -64,27 +61,9 @@ def make_options(study: Study, output: Path) -> RunOptions:
         outside=study.outside,
         isolation=study.isolation,
         fmus=study.fmus,
+        replace=study.replace,
         progress=False,
     )
-
-
-def choose_fmus(study: Study, folder: Path | None) -> Path | None:
-    """Where the FMUs of a study are sought first: in ``folder``, or in that of ps_fmu's own, built if need be.
-
-    None: where the system says.  Raises BuildError, OSError, and CosimError for a system that cannot be read.
-    """
-    if folder is not None or study.system.suffix.lower() in (".ssp", ".fmu"):
-        return folder
-    own = find_built_folder()
-    if not is_own(study.system):
-        try:
-            read_any_system(study.system, outside=study.outside)
-            return None
-        except MissingFmuError as error:
-            if error.fmu.stem not in list_models(find_product().root):
-                raise
-    provide_fmus(own, study.system)
-    return own
 
 
 def load_study_system(study: Study) -> tuple[Study, RunSystem]:

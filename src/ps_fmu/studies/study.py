@@ -6,7 +6,7 @@ Whether the names in it exist is seen when the system is read.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -228,6 +228,8 @@ class _Study(Table):
     faults: Path | None = None
     inputs: Path | None = None
     outside: bool = False
+    replace: dict[str, str] = {}
+    """FMUs in place of components, by their names."""
     seeds: Literal["independent", "common"] | None = None
     timeout: Time | None = None
     isolate: Any = False
@@ -302,6 +304,8 @@ class Study:
     """Whether the file states the step; else it is that of the system, where that states one."""
     outside: bool = False
     """Whether the system may use files outside of its folder or archive."""
+    replace: Mapping[str, Path] = field(default_factory=dict)
+    """FMUs in place of components, by their names."""
     branch: Branch | None = None
     """The state in which each run begins; None: that of the initialisation."""
 
@@ -348,6 +352,7 @@ def read_study(path: Path) -> Study:
         faults=table.faults and _find(path, table, "faults", table.faults),
         inputs=table.inputs and _find(path, table, "inputs", table.inputs),
         outside=table.outside,
+        replace={name: _find(path, table, "replace", Path(fmu)) for name, fmu in table.replace.items()},
         branch=None if file.from_ is None else _find_checkpoint(path, file.from_),
     )
 

@@ -7,15 +7,16 @@ import os
 import random
 import shlex
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from ..cosim.faults.numbers import change_numbers
 from ..requirements.requirement import read_requirements
 from ..results.style import prepare_drawing
 from ..results.tables import Table
+from ..runs.built_fmus import choose_fmus, provide_fmus
 from ..runs.cases import Case, run_case
 from ..runs.options import RESULTS, claim_folder
 from ..runs.output import hold_folder, lock_folder
@@ -30,7 +31,6 @@ from .plan import Plan, make_plan
 from .preparation import (
     check_numbers,
     check_sources,
-    choose_fmus,
     complete_observed,
     keep_seeds,
     list_columns,
@@ -127,9 +127,16 @@ class SweepOptions:
     resume: bool = False
     fmus: Path | None = None
     """Folder of the FMUs; None: those of ps_fmu, built if they are not."""
+    replace: Mapping[str, Path] = field(default_factory=dict)
+    """FMUs in place of components, by their names; stronger than those of the study."""
     progress: bool = True
     scheduler_timeout_s: float | None = None
     """That the scheduler may take to answer; None: some seconds."""
+
+    @property
+    def replacements(self) -> list[str]:
+        """The replacements as words of a command line."""
+        return [word for name, path in self.replace.items() for word in ("--replace", f"{name}={path}")]
 
     @property
     def command(self) -> str:
@@ -138,6 +145,7 @@ class SweepOptions:
         for name in ("scheduler", "workers", "fmus"):
             if (value := getattr(self, name)) is not None:
                 words += [f"--{name}", str(value)]
+        words += self.replacements
         if self.scheduler_timeout_s is not None:
             words += ["--scheduler-timeout", f"{self.scheduler_timeout_s:g}"]
         return shlex.join([*words, "--resume"])
@@ -159,7 +167,10 @@ def prepare(options: SweepOptions) -> Prepared:
     Raises :class:`.study.StudyError`, :class:`..cosim.CosimError`, BuildError, OSError.
     """
     study = read_study(options.study)
-    study, system = load_study_system(replace(study, fmus=choose_fmus(study, options.fmus)))
+    fmus = choose_fmus(study.system, options.fmus, outside=study.outside)
+    if options.fmus is None:
+        provide_fmus(fmus, study.system)
+    study, system = load_study_system(replace(study, fmus=fmus, replace={**study.replace, **options.replace}))
     sources = read_sources(study)
     system = keep_seeds(study, system, sources)
     plan = make_plan(complete_observed(study, system), system)

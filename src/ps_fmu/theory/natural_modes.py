@@ -2,7 +2,7 @@
 
 The eigenvectors of ``M q'' + C q' + K q = 0`` of all active coordinates.  K is diagonal: each coordinate has its own
 spring, so a mode's strain energy is a sum over the coordinates, and the coordinate or group with the largest share
-gives the name: fine legs, bus mode k, coarse rods, truss mode k.
+gives the name: fine legs, bus mode k, coarse rods, truss mode k, payload mode k.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..mechanism.dynamics import Dynamics
+from ..mechanism.modes import MOST_TRUSS_MODES
 from ..mechanism.quantities import Array
 
 #: What the coordinates of a group are called; those with a number are parameters of the plant: ``bus.mode_2``.
@@ -58,7 +59,11 @@ def _name(dynamics: Dynamics, energy: Array) -> str:
     for group, text in NAMES.items():
         place = dynamics.slices[group]
         if group in NUMBERED:
-            shares |= {f"{text} {k}": float(value) for k, value in enumerate(energy[place], 1)}
+            own = energy[place]
+            if group == "x_t":
+                shares |= {f"payload mode {k}": float(value) for k, value in enumerate(own[MOST_TRUSS_MODES:], 1)}
+                own = own[:MOST_TRUSS_MODES]
+            shares |= {f"{text} {k}": float(value) for k, value in enumerate(own, 1)}
         else:
             shares[text] = float(energy[place].sum())
     return max(shares, key=shares.__getitem__)

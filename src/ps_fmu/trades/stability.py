@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from ..analyses.result import AnalysisResult, tabulate
-from ..analyses.system import load_built_system
+from ..analyses.system import load_own_systems
 from ..analyses.table import AnalysisOptions
 from ..interface.linear_system import ISOLATOR, Circuit, read_model
 from ..mechanism.quantities import Array, Complex
@@ -22,7 +22,6 @@ from ..theory.stability import (
     find_poles,
     sort_poles,
 )
-from .budget.results import read_with_parameters
 
 CASES = {"passive": False, "active": True}
 LEGS = ("leg 1", "leg 2", "leg 3")
@@ -76,7 +75,7 @@ class CaseStability:
 
 def analyse(options: AnalysisOptions) -> AnalysisResult:
     """Judge the system of the options with its parameter files.  Raises BuildError, CosimError, LinearModelError."""
-    (system,) = read_with_parameters([load_built_system(options)], options.parameters)
+    (system,) = load_own_systems(options)
     model = read_model(system)
     found = [judge(case, Circuit(model, active)) for case, active in CASES.items()]
     margins = [(one.case, loop) for one in found for loop in one.margins]

@@ -153,7 +153,7 @@ def _find_places(columns: Sequence[Column], select: Sequence[str] | None) -> lis
 _ENDS = re.compile(r"\.\w+$"), re.compile(r"_\d+$")  # of a vector's components
 
 
-def select_names(names: Iterable[str], patterns: Sequence[str]) -> list[str]:
+def select_names(names: Iterable[str], patterns: Sequence[str], what: str = "output") -> list[str]:
     """The names that a pattern matches, in the order of ``names``; all of them if there are no patterns.
 
     >>> select_names(["plant.los.x", "plant.los.y", "isolator.saturated"], ["plant.los.*"])
@@ -166,6 +166,7 @@ def select_names(names: Iterable[str], patterns: Sequence[str]) -> list[str]:
     names: of the outputs, ``component.variable``.
     patterns: ``*`` stands for any text, ``?`` for a letter, ``[ab]`` for one of these; upper and lower case differ.  A
         name stands for itself, whatever brackets it has, and that of a vector for its components.
+    what: the names are of, for the message.
 
     Raises :class:`UsageError` for a pattern that matches no name, with those that are near.
     """
@@ -176,7 +177,7 @@ def select_names(names: Iterable[str], patterns: Sequence[str]) -> list[str]:
     for pattern in patterns:
         matched = [name for name in known if matches(name, pattern)]
         if not matched:
-            raise UsageError(f"no output matches {pattern!r}{_suggest(pattern, known)}")
+            raise UsageError(f"no {what} matches {pattern!r}{_suggest(pattern, known)}")
         found.update(matched)
     return [name for name in known if name in found]
 

@@ -10,9 +10,8 @@ import numpy as np
 from tqdm import tqdm
 
 from ...analyses.result import AnalysisResult, paint_pictures
-from ...analyses.system import load_built_system
+from ...analyses.system import load_own_systems
 from ...analyses.table import SYSTEM, AnalysisOptions
-from ...cosim import System, read_system
 from ...interface.linear_system import STEP
 from ...mechanism.quantities import Array
 from ...pointing.budget import UncertaintyFactors, drop_source
@@ -20,7 +19,6 @@ from ...product.files import find_product
 from ...results.report import Picture
 from ...results.style import ACTIVE, PASSIVE, REFERENCE
 from ...results.tables import Table
-from ...runs.built_fmus import provide_fmus
 from .results import (
     CASES,
     POINTS,
@@ -29,7 +27,6 @@ from .results import (
     describe_band,
     list_wanted,
     read_factors,
-    read_with_parameters,
 )
 
 if TYPE_CHECKING:
@@ -58,8 +55,10 @@ def analyse(options: AnalysisOptions, points: int = POINTS) -> AnalysisResult:
     ``points``: frequencies of a density besides those around the poles.
     """
     factors = read_factors(options.uncertainty)
-    systems = read_with_parameters(_read_systems(options), options.parameters)
-    path = options.requirements or find_product().system / REQUIREMENTS
+    folder = find_product().system
+    others = [folder / INSTRUMENT] if options.system.resolve() == (folder / SYSTEM).resolve() else []
+    systems = load_own_systems(options, *others)
+    path = options.requirements or folder / REQUIREMENTS
     entries: list[SignalBudget] = []
     with tqdm(total=len(systems), unit="system", desc="budget", disable=not options.progress) as bar:
         for system in systems:
@@ -74,15 +73,6 @@ def analyse(options: AnalysisOptions, points: int = POINTS) -> AnalysisResult:
         pictures=_draw(options, entries),
         data={"budgets": [_describe(entry) for entry in entries]},
     )
-
-
-def _read_systems(options: AnalysisOptions) -> list[System]:
-    systems = [load_built_system(options)]
-    instrument = find_product().system / INSTRUMENT
-    if options.system.resolve() == (find_product().system / SYSTEM).resolve():
-        provide_fmus(options.fmus, instrument)
-        systems.append(read_system(instrument, options.fmus))
-    return systems
 
 
 def _explain(factors: UncertaintyFactors, entries: Sequence[SignalBudget]) -> Iterator[str]:

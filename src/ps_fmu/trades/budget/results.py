@@ -4,7 +4,7 @@ contributes to each target of each requirement, passive and active.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -13,10 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...cosim import System, UsageError, read_parameters
+from ...cosim import System
 from ...cosim.description import read_descriptions
 from ...cosim.rows import make_layout
-from ...cosim.structure import Parameter
 from ...disturbance import multisine_lines, psd_at_origin
 from ...disturbance.noise import NoiseSettings
 from ...disturbance.recording import Recording
@@ -39,7 +38,6 @@ from ...pointing.budget import Budget, Source, UncertaintyFactors, make_budget
 from ...pointing.modal import Resonance, find_resonances
 from ...pointing.spectra import gather_lines
 from ...requirements.requirement import PEAK, RMS, Requirement, Target, find_targets, read_requirements
-from ...runs.setup import RunSystem
 from ...theory.transfer_matrices import place_frequencies
 
 CASES = {"passive": False, "active": True}
@@ -146,21 +144,6 @@ class SignalBudget:
         return edges[1:], np.sqrt(np.maximum(np.cumsum(found.by_band), 0.0)) * self.wanted.scale
 
 
-def read_with_parameters(systems: Sequence[System], files: Sequence[Path]) -> list[System]:
-    """The systems with the start values of files; those of components that one does not have are left out of it.
-
-    Raises ``CosimError``: a value of a component, parameter or unit that none of the systems has.
-    """
-    given: dict[str, Parameter] = {}
-    for path in files:
-        given |= read_parameters(path).entries()
-    names = {component.name for system in systems for component in system.components}
-    for name, entry in given.items():
-        if name.partition(".")[0] not in names:
-            raise UsageError(f"{name} ({entry.origin}): there is no such component")
-    return [_set_values(system, given) for system in systems]
-
-
 def list_wanted(path: Path, system: System, step: float) -> list[Wanted]:
     """The targets of the requirements of a file among the plant's outputs.
 
@@ -222,16 +205,6 @@ def read_factors(numbers: Sequence[float]) -> UncertaintyFactors:
         return UncertaintyFactors(tuple(numbers[1::2]), tuple(numbers[::2]))
     except ValueError as error:
         raise ValueError(f"--uncertainty, {error}") from None
-
-
-def _set_values(system: System, given: Mapping[str, Parameter]) -> System:
-    names = {component.name for component in system.components}
-    own = {name: entry for name, entry in given.items() if name.partition(".")[0] in names}
-    changed = system.with_parameters(own)
-    checked = RunSystem(changed, read_descriptions(changed), own)
-    for name in own:
-        checked.get_start(name)
-    return changed
 
 
 def list_sources(

@@ -19,6 +19,7 @@ from ....results.tables import Table
 from ....runs.publish import Findings
 from ....runs.run import Run
 from ....runs.scenario import SCENARIOS, Scenario
+from ....runs.setup import DISTURBED
 from ...cosimulation import hold_run
 from ...published import ANGLES, make_finding, published_numbers
 from ..fig06 import compute_reach
@@ -28,7 +29,9 @@ from .runs import EXACT, FINE, PLANES, PRINTED, PathResult, list_cases
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["analyse", "find", "list_cases"]
+__all__ = ["NEEDS", "analyse", "find", "list_cases"]
+
+NEEDS = DISTURBED
 
 #: Keys of Table 1, in the order of :func:`extremes`.
 LIMITS = tuple(f"table1.{angle}_{end}" for angle in ANGLES for end in ("max", "min"))

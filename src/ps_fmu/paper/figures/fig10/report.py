@@ -16,7 +16,7 @@ from ....runs.options import OptionError
 from ....runs.publish import Findings
 from ....runs.run import Run
 from ....runs.scenario import SCENARIOS, Scenario
-from ....runs.setup import RunSystem
+from ....runs.setup import DISTURBED, RunSystem
 from ....scenarios.shaking import Shaking
 from ....theory.loop import Loop, Margins
 from ...bus_cases import CASES, SUSPENSION
@@ -35,7 +35,9 @@ from .runs import (
     paper_delay_s,
 )
 
-__all__ = ["analyse", "find", "list_cases"]
+__all__ = ["NEEDS", "analyse", "find", "list_cases"]
+
+NEEDS = DISTURBED
 
 SHORTEST_S = 3.0  # of a run: 5 Hz decays or grows visibly
 HOW = (

@@ -19,8 +19,9 @@ from ....results.tables import Table, format_angles, format_number
 from ....runs.publish import Findings
 from ....runs.run import Run
 from ....runs.scenario import SCENARIOS, Scenario
-from ....runs.setup import RunSystem
+from ....runs.setup import DISTURBED, RunSystem
 from ....scenarios.comparison import HEADER, Comparison, explain_refusal, make_rows
+from ....scenarios.comparison import NEEDS as COMPARED
 from ....scenarios.exploration import explore_comparisons
 from ....theory.sampled import LOOP_DELAY
 from ...cosimulation import hold_run
@@ -29,8 +30,9 @@ from . import runs
 from .plots import paint_cumulative, paint_image, paint_rms
 from .runs import ORIENTATIONS, OrientationResult, list_cases, measure, published_value, rejection
 
-__all__ = ["analyse", "find", "list_cases"]
+__all__ = ["NEEDS", "analyse", "find", "list_cases"]
 
+NEEDS = (*COMPARED, *DISTURBED)
 HOW = (
     "Co-simulation of the four FMUs. The disturbance is deterministic: spectral lines of fixed amplitude, whose RMS "
     "over a period has no scatter. Published: Table 2 of the paper. Identified: linear theory with the parameter set "

@@ -1,0 +1,97 @@
+"""FMUs in place of components of a system: the same names are wired; a remark names what does not fit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from fmpy.model_description import ModelDescription
+
+from .description import index_variables, read_description
+from .errors import UsageError
+from .structure import Component, Connection, PortName, System, list_names
+
+
+def replace_components(system: System, fmus: Mapping[str, Path]) -> System:
+    """The system with other FMUs for some components, by their names.
+
+    A variable of the new FMU takes over the connections and the start values of the variable of the same name.  What
+    has no such variable is left out.  An input that the old FMU did not have is connected with the output of this name,
+    where the other components have exactly one.  ``remarks`` of the system name all that, and what nothing feeds.
+
+    Raises
+    ------
+    UsageError: no component has this name, or no connection is left.
+    SystemFileError: an FMU cannot be read.
+    """
+    for name, path in fmus.items():
+        system = _replace(system, system.component(name), path)
+    return system
+
+
+def _replace(system: System, old: Component, path: Path) -> System:
+    description = read_description(path, lenient=True)
+    known = frozenset(index_variables(description))
+
+    def fits(port: PortName) -> bool:
+        return port.component != old.name or port.variable in known
+
+    wires = [wire for wire in system.connections if fits(wire.source) and fits(wire.target)]
+    cut = [wire for wire in system.connections if not (fits(wire.source) and fits(wire.target))]
+    lost = dict.fromkeys(wire.source.variable for wire in cut if not fits(wire.source))
+    if lost and not any(wire.source.component == old.name for wire in wires):
+        raise UsageError(
+            f"--replace: {path.name} cannot take the place of {old.name}: it has none of the outputs that are "
+            f"connected, {list_names(list(lost))}"
+        )
+    left = [name for name in old.parameters if name not in known]
+    fed = {wire.target.variable for wire in wires if wire.target.component == old.name}
+    before = _list_inputs(read_description(old.source, lenient=True)) - fed - {wire.target.variable for wire in cut}
+    unfed = sorted(_list_inputs(description) - fed - before)
+    new_wires = [
+        Connection(sources[0], PortName(old.name, name), 0, file=path.name)
+        for name in unfed
+        if len(sources := _find_outputs(system, old, name)) == 1
+    ]
+    said = [
+        f"{old.name} is {path.name} in place of {old.source.name}",
+        *_say("it gets new connections by name", [_show(wire) for wire in new_wires]),
+        *_say("these connections are left out, as it has no variables for them", [_show(wire) for wire in cut]),
+        *_say("nothing feeds its inputs", sorted({*unfed} - {wire.target.variable for wire in new_wires})),
+        *_say("these values are left out, as it has no variables for them", left),
+    ]
+    parameters = {name: entry for name, entry in old.parameters.items() if name in known}
+    new = replace(old, source=path.absolute(), connectors=(), variables=known, parameters=parameters)
+    inputs = [replace(one, targets=tuple(each for each in one.targets if fits(each[0]))) for one in system.inputs]
+    return replace(
+        system,
+        components=tuple(new if component is old else component for component in system.components),
+        connections=(*wires, *new_wires),
+        inputs=tuple(one for one in inputs if one.targets),
+        outputs=tuple(one for one in system.outputs if fits(one.source)),
+        remarks=(*system.remarks, "; ".join(said)),
+    )
+
+
+def _find_outputs(system: System, old: Component, name: str) -> list[PortName]:
+    """Outputs of this name of the other components."""
+    return [
+        PortName(other.name, name)
+        for other in system.components
+        if other is not old
+        for variable in [index_variables(read_description(other.source, lenient=True)).get(name)]
+        if variable is not None and variable.causality == "output"
+    ]
+
+
+def _list_inputs(description: ModelDescription) -> set[str]:
+    return {variable.name for variable in description.modelVariables if variable.causality == "input"}
+
+
+def _show(wire: Connection) -> str:
+    return f"{wire.source} -> {wire.target}"
+
+
+def _say(what: str, names: Sequence[str]) -> list[str]:
+    return [f"{what}: {list_names(names)}"] if names else []
