@@ -41,7 +41,7 @@ def simulate(
     ----------
     scenario: one of those that ``ps-fmu run --help`` lists, or any system: an ``.ssp``, ``.ssd``, ``.xml`` or ``.fmu``.
     parameters: start values by ``component.parameter``, in the units of ``ps-fmu list``; stronger than
-        ``parameter_files``.
+        ``parameter_files`` and ``instrument``.
     seed: of the disturbance, 1 by default.
     cases: names of those to run, by default all; of scenarios that compare two cases.
     output: folder to write into, as ``ps-fmu run`` does but for figures, while the run goes on: for long runs.
@@ -52,6 +52,7 @@ def simulate(
     anew: FMUs that begin anew then, without their state, and so with other fixed parameters.
     duration, step, storage_step: seconds to simulate, of a communication step, between stored rows; by default those of
         the scenario.
+    instrument: the TOML file of your instrument, see docs/instrument.md; all FMUs start with its values.
     parameter_files: ``.ssv`` files, own ones or those of ps_fmu by their names; later ones win.
     apart: beginnings of names of parameters that differ from the plant's on purpose: no warning.
     disturbance: recorded force and torque on the bus, a CSV or netCDF file, in place of the noise.

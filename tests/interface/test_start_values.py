@@ -31,7 +31,7 @@ from ps_fmu.mechanism.quantities import ParameterError, list_entries
 from ps_fmu.theory.loop import loop_at, loop_of
 
 SYSTEM = Path(__file__).parents[2] / "system"
-EXAMPLE = SYSTEM / "parameters" / "small_satellite.toml"
+EXAMPLE = SYSTEM / "parameters" / "telescope.toml"
 WIRED = SYSTEM / "SystemStructure.ssd"
 
 
@@ -207,8 +207,9 @@ def test_the_example_arrives_in_the_fmus(write, built_fmus):
         master.initialise()
         assert {name: master.get(name) for name in given} == dict(given)
     p = read_instrument(EXAMPLE).parameters
-    assert given["plant.bus.mode_6.participation.ry"] == p.bus.modes[5].participation_B[4]
-    np.testing.assert_allclose(given["plant.bus.mass"], 300.0)
+    assert given["plant.bus.mode_4.participation.ry"] == p.bus.modes[3].participation_B[4]
+    assert given["plant.payload.mode_2.line_of_sight_x"] == -4.1
+    np.testing.assert_allclose(given["plant.bus.mass"], 85.0)
 
 
 def test_a_slave_that_cannot_be_imported_is_named(tmp_path):

@@ -45,11 +45,11 @@ def make_tube(parts, length=LENGTH):
 
     Consistent masses; at the tip a body of 0.4 kg and 1e-3 kg.m2 about each axis.
     """
-    A, I = 2.0 * np.pi * RADIUS * WALL, np.pi * RADIUS**3 * WALL  # m2, m4
-    G, J, h = E / (2.0 * (1.0 + NU)), 2.0 * I, length / parts
+    A, bending = 2.0 * np.pi * RADIUS * WALL, np.pi * RADIUS**3 * WALL  # m2, m4
+    G, J, h = E / (2.0 * (1.0 + NU)), 2.0 * bending, length / parts
     M, K = (np.zeros((6 * parts + 6, 6 * parts + 6)) for _ in range(2))
     rod_m, rod_k = np.array([[2.0, 1.0], [1.0, 2.0]]) * h / 6.0, np.array([[1.0, -1.0], [-1.0, 1.0]]) / h
-    bend_k = E * I / h**3 * np.array(
+    bend_k = E * bending / h**3 * np.array(
         [[12, 6 * h, -12, 6 * h], [6 * h, 4 * h**2, -6 * h, 2 * h**2],
          [-12, -6 * h, 12, -6 * h], [6 * h, 2 * h**2, -6 * h, 4 * h**2]]
     )  # fmt: skip
@@ -113,7 +113,7 @@ def test_a_cantilever_has_the_frequencies_of_a_beam():
     np.testing.assert_allclose(found.frequencies[:4:2], np.array([1.875104, 4.694091]) ** 2 * slender, rtol=1e-4)
     weight = RHO * 2.0 * np.pi * RADIUS * WALL * LENGTH
     assert found.mass == pytest.approx(weight)
-    np.testing.assert_allclose(found.com, FOOT + [0.0, 0.0, 0.5 * LENGTH], atol=1e-12)
+    np.testing.assert_allclose(found.com, FOOT + 0.5 * LENGTH * IDENTITY[2], atol=1e-12)
     assert found.shares[:, 0].max() == pytest.approx(0.6131, abs=2e-3)  # of the first bending mode: the textbook's
 
 
@@ -266,7 +266,7 @@ def test_a_reduced_model_and_other_axes_and_several_nodes_give_the_same_modes():
     turn = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])  # x, y, z of the model in P
     turned = linalg.block_diag(*[turn] * 6)
     stub = linalg.block_diag(np.zeros((3, 3)), M), linalg.block_diag(np.zeros((3, 3)), K)
-    aside = FOOT + [0.1, 0.0, 0.0]  # a bracket without mass: its stiffness must not hold the free structure
+    aside = FOOT + 0.1 * IDENTITY[0]  # a bracket without mass: its stiffness must not hold the free structure
     bracket = np.hstack([rigid_motion([aside - FOOT])[:3] * -1.0, np.eye(3)])
     wide = np.hstack([bracket[:, 6:], bracket[:, :6], np.zeros((3, 12))])
     for mass, stiffness, boundary, axes, sight in (
@@ -316,11 +316,11 @@ rows = [1, 2, 3, 4, 5, 6]
         ({"stiffness": K + np.diag(np.r_[np.zeros(12), 1e5, np.zeros(5)])}, TUBE, "stiffness: the free structure is h"),
         ({"stiffness": K * np.outer(np.r_[np.ones(12), np.zeros(6)], np.ones(18))}, TUBE, "must be symmetric"),
         ({"stiffness": np.diag(np.r_[np.ones(12), np.zeros(6)])}, TUBE, "stiffness: row 13 has no stiffness"),
-        ({"mass": M[::-1, ::-1], "stiffness": K[::-1, ::-1]}, TUBE, r"stiffness: the free|mass: is not that of a rigid"),
+        ({"mass": M[::-1, ::-1], "stiffness": K[::-1, ::-1]}, TUBE, "stiffness: the free|mass: is not"),
         ({"sight": S * 57.3}, TUBE, "line_of_sight: a rigid turn must turn it by as much"),
         ({"sight": S[:, :3]}, TUBE, r"line_of_sight: expected shape \(2, 18\), got \(2, 3\)"),
         ({"mass": M * np.nan}, TUBE, "mass: every number must be finite"),
-        ({}, TUBE.replace("rows = [1, 2, 3,", "rows = [1, 2, 77,"), "boundary: rows: expected different ones from 1 to"),
+        ({}, TUBE.replace("rows = [1, 2, 3,", "rows = [1, 2, 77,"), "boundary: rows: expected different"),
         ({}, TUBE.replace("3, 4, 5, 6]", "3]"), "boundary: does not hold the body"),
         ({}, TUBE.replace("rows = [1, ", "rows = [0, "), r"boundary\[1\]\.rows: must not be less than 1"),
         ({}, TUBE.replace("point_P", "point_B"), r"boundary\[1\]\.point_B: unknown; did you mean point_P"),
@@ -330,7 +330,8 @@ rows = [1, 2, 3, 4, 5, 6]
         ({}, "[payload]\nmass = 0.4\n" + TUBE, "payload.mass: mass, centre of mass and inertia must contain those of"),
         ({}, "[[payload.modes]]\nfrequency = 9.0\ndamping_ratio = 0.0\nparticipation_P = [9, 0, 0, 0, 0, 0]",
          r"payload\.mode_1\.participation: too large"),
-        ({}, "[[payload.modes]]\nfrequency = 9.0\ndamping_ratio = 0.0\nmodal_mass = 0.0\nparticipation_P = [1,0,0,0,0,0]",
+        ({}, "[[payload.modes]]\nfrequency = 9.0\ndamping_ratio = 0.0\nmodal_mass = 0.0\n"
+         "participation_P = [1, 0, 0, 0, 0, 0]",
          r"payload\.modes\[1\]\.modal_mass: must be greater than 0"),
         ({}, "[payload]\nmodes = 3", "payload.*modes"),
     ],
@@ -343,7 +344,7 @@ def test_what_cannot_be_used_is_named(read, changes, text, problem):
 @pytest.mark.parametrize(
     ("name", "content", "problem"),
     [
-        ("a.mtx", b"%%MatrixMarket matrix array real general\n100000000 100000000\n", "expected a matrix of at most 2000"),
+        ("a.mtx", b"%%MatrixMarket matrix array real general\n100000000 100000000\n", "a matrix of at most 2000"),
         ("a.mtx", b"%%MatrixMarket matrix coordinate pattern general\n2 2 1\n1 1\n", "holds pattern numbers"),
         ("a.mtx", b"not a matrix", "mass: "),
         ("a.npy", b"\x93NUMPY\x01\x00v\x00{'descr': '<f8', 'fortran_order': False, 'shape': (9, 9), }" + b" " * 40,

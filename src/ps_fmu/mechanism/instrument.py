@@ -41,6 +41,8 @@ OWN_BUS = "own"
 """Name of the bus that ``[bus]`` states without a name."""
 DEFAULT_BUS = "OSM"
 LEGS = ("coarse_legs", "fine_legs")
+FLEXIBLE = {"modes", "finite_elements"}
+"""Entries of the payload that state its modes."""
 DEEPEST_BASE = 8  # files that inherit from each other, one from the next
 
 
@@ -54,7 +56,9 @@ class Instrument:
     inherited: tuple[str, ...]
     """Entries of the base that the file leaves as they are, such as ``payload.truss_modes``; whole tables as one."""
     remarks: tuple[str, ...] = ()
-    """Lines on what the file gives: modes of finite-element models, what is unusual."""
+    """Lines on what the file gives, such as the modes of a finite-element model."""
+    warnings: tuple[str, ...] = ()
+    """What is unusual, such as a small stroke."""
 
 
 def read_instrument(path: Path, bus: str | None = None) -> Instrument:
@@ -120,7 +124,7 @@ def _put_on_base(own: Table, base: Table, folder: Path, remarks: list[str]) -> T
         scale = check_number(manipulator.pop("scale"), "manipulator.scale", above=0.0)
         base["manipulator"] = _scale(base["manipulator"], scale)
     if "payload" in own:
-        if own["payload"].keys() & {"modes", "finite_elements"}:  # who gives modes gives them all
+        if own["payload"].keys() & FLEXIBLE:  # who gives modes gives them all
             own["payload"].setdefault("truss_modes", [])
         remarks += put_modes(own["payload"], "P", folder, "payload")
     if "com_P" in own.get("payload", {}) and "known_com_P" not in own.get("isolator", {}):
@@ -251,7 +255,12 @@ def _select_bus(table: Table, name: str | None) -> tuple[str, Table]:
 
 def _list_inherited(own: Table, whole: Table) -> Iterator[str]:
     """What the file leaves to its base, by the names of ``whole``, which has all: whole tables, then single entries."""
-    known = "com_P" in own.get("payload", {})  # the isolator has it from there
+    own = {**own, "payload": dict(own["payload"])} if own.get("payload") else own
+    if (payload := own.get("payload", {})).keys() & FLEXIBLE:
+        payload.setdefault("truss_modes", [])
+    if "finite_elements" in payload:
+        payload |= {name: payload.get(name) for name in ("mass", "com_P", "inertia_P")}
+    known = "com_P" in payload  # the isolator has it from there
     yield from (name for name in TABLES if name not in own and not (name == "isolator" and known))
     for name in (name for name in TABLES if name in own and name != "bus"):
         yield from _list_rest(own[name], whole[name], name)
