@@ -74,7 +74,7 @@ def test_a_system_of_ones_own(built_fmus, tmp_path, ssv):
         unit="intervals",
     )
     quiet = ssv({"disturbance.wheel_1.enabled": True})
-    with pytest.raises(ValueError, match="wheel 1 .*: it has no density, .* switch it off"):
+    with pytest.raises(ValueError, match=r"wheel 1 .*: it has no density, .* switch it off"):
         report.analyse(replace(options, system=SYSTEM, parameters=(quiet,)), 1.0, chosen, points=50)
 
 

@@ -15,8 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...cosim import System, Value
-from ...interface.linear_system import POINTING, Circuit, read_model
+from ...interface.linear_system import POINTING, TRACKER, Circuit, read_model
 from ...mechanism.quantities import Array
+from ...mechanism.rotations import from_rotation_matrix, rotation_matrix
 from ...pointing import (
     AbsoluteError,
     DriftError,
@@ -95,9 +96,15 @@ class ClosedForm:
 
 
 def set_case(system: System, case: Case, orientations: Orientations = ORIENTATIONS) -> System:
-    """The system at an orientation, with the isolator, and a line-of-sight loop, or without both."""
-    angles = np.radians(orientations[case[0]]).tolist()
-    values: dict[str, Value] = dict(zip(TARGET, angles, strict=True))
+    """The system at an orientation, with the isolator, and a line-of-sight loop, or without both.
+
+    The target of a tracker is where the payload looks then, if the base has turned nowhere.
+    """
+    angles = np.radians(orientations[case[0]])
+    values: dict[str, Value] = dict(zip(TARGET, angles.tolist(), strict=True))
+    attitude = from_rotation_matrix(rotation_matrix(angles)).tolist()
+    for tracker in (c.name for c in system.components if c.source.stem == TRACKER):
+        values |= {f"{tracker}.target_attitude.{k}": number for k, number in zip("wxyz", attitude, strict=True)}
     loops = [c.name for c in system.components if c.source.stem == POINTING]
     values |= {f"{name}.enabled": False for name in loops if not case[1]}
     return system.with_parameters({"isolator.enabled": case[1], **values})
