@@ -111,7 +111,8 @@ def _add_new(commands: argparse._SubParsersAction[Any]) -> None:
         description="Write the Python source of a small FMU that takes the place of a component of ps_fmu.  It builds, "
         "passes the checks and runs as it is.",
     )
-    command.add_argument("kind", choices=TEMPLATES, help=", ".join(f"{k}: for {v}" for k, v in TEMPLATES.items()))
+    places = ", ".join(f"{kind}: for {component}" for kind, component in TEMPLATES.items())
+    command.add_argument("kind", choices=tuple(TEMPLATES), help=f"what it is in place of ({places})")
     command.add_argument("file", type=read_output, metavar="FILE.py", help="new file; the FMU is called as the file")
     command.set_defaults(run=_new)
 

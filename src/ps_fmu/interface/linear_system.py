@@ -22,7 +22,7 @@ from ..mechanism.linear_model import Plant
 from ..mechanism.parameters import load
 from ..mechanism.quantities import Array, Complex, ParameterError, list_entries, take_values
 from ..mechanism.signals import OUTPUTS
-from ..pointing.modal import StateSpace
+from ..pointing.modal import StateSpace, solve_at
 from ..sensors.inertial import InertialSensors, default_sensors
 from ..sensors.line_of_sight import DEFAULT_TRACKER, Tracker
 from ..theory.line_of_sight import SampledPointing, Timing, close_loop
@@ -77,7 +77,6 @@ LEAST_MOVED = 0.1  # of a pole's real part: a pole that moves by less is one of 
 GAIN_STEP, MOST_GAIN_DB = 10.0**0.2, 12.0  # steps of 4 dB, up to 12 dB either way, are tried for a gain margin
 GAIN_ERROR = 0.01  # of a gain at which a loop becomes unstable
 SMALL_TURN = 0.01  # of a parameter, for the derivative of a pole
-_AT_ONCE = 64  # frequencies
 
 T = TypeVar("T")
 
@@ -274,10 +273,8 @@ class Circuit:
         The isolator is cut at its forces, the line-of-sight loop at the errors that the tracker sees.
         """
         m, opened = self.model, self._opened
-        point = np.expm1(s * m.step) / m.step
-        drive, unit = opened.B.astype(complex), np.eye(len(opened.A))
-        parts = np.array_split(point[:, None, None], len(point) // _AT_ONCE + 1)
-        M = np.concatenate([opened.C @ np.linalg.solve(part * unit - opened.A, drive) for part in parts])
+        point: Complex = np.asarray(np.expm1(s * m.step) / m.step)
+        M = solve_at(point, opened.A, opened.B, opened.C)
         M[:, :3] *= np.exp(-s * m.isolator_delay)[:, None, None]
         if self.closed:
             assert m.pointing is not None
