@@ -24,7 +24,7 @@ from ..cosim.schemes.scheme import Scheme, make_scheme
 from ..cosim.signals import Signal, read_signals
 from ..cosim.ssp.reading import complete_experiment, fit_duration, read_any_system
 from ..cosim.structure import Parameter, PortName, parse_port
-from ..interface.linear_system import DELAYS
+from ..interface.linear_system import DELAYS, Circuit
 from ..results.summary import FmuFile
 from ..theory.sampled import round_delay
 from .index_record import IndexLog
@@ -84,6 +84,8 @@ class RunSystem:
     """All that a run can record."""
     kept: KeptRows | None = None
     """Where the rows of the runs are kept in memory; None: they are written into results.nc."""
+    circuits: dict[tuple[object, ...], Circuit] = field(default_factory=dict)
+    """Linear models of cases, by their step and what they set, see :mod:`.divergence`."""
     runner: Runner | None = None
     """Has the FMUs, where they stay loaded from run to run."""
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ..cosim import UsageError
 from ..pointing.spectra import rejection_percent
 from ..results.tables import Table, format_angles, format_number
-from ..runs.cases import Case, Outcome, run_case
+from ..runs.cases import Case, Outcome, run_case, warn_of_loops
 from ..runs.index_record import PROBABILITIES, WINDOW_S, IndexLog
 from ..runs.options import RunOptions
 from ..runs.publish import Findings
@@ -147,22 +147,15 @@ def run_cases(
         explored=explored,
         history=history,
     )
-    return [
-        run_case(
-            system,
-            options,
-            Case(
-                prefix + name,
-                {**targets, ENABLED: enabled},
-                lead_s=lead_steps * options.step_s,
-            ),
-            judge,
-            needs=JITTER_SIGNALS,
-            duration_s=steps * options.step_s,
-        )
+    cases = [
+        Case(prefix + name, {**targets, ENABLED: enabled}, lead_s=lead_steps * options.step_s)
         for name, enabled in zip(CASES, (False, True), strict=True)
         if not only or name in only
     ]
+    if system.kept is None:
+        warn_of_loops(system, options, cases)  # before the first of them takes its time
+    duration_s = steps * options.step_s
+    return [run_case(system, options, case, judge, needs=JITTER_SIGNALS, duration_s=duration_s) for case in cases]
 
 
 def describe_alone(outcomes: Sequence[Outcome], indices: IndexLog) -> Findings:
