@@ -1,4 +1,4 @@
-"""Draws schemes.png: the error of each scheme over the step, and prints the orders as the table of schemes.md.
+"""Draws schemes.png: the error of each scheme over the step, and prints the orders as the table of docs/any-system.md.
 
 Usage: python docs/draw_schemes.py [OUTPUT.png|OUTPUT.svg]
 

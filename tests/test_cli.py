@@ -150,9 +150,10 @@ def test_commands_find_system_and_fmus_from_any_folder(tmp_path, monkeypatch, ca
     assert main(["ssp", "--output", "told.ssp", "--system", str(SYSTEM), "--fmus", str(built_fmus)]) == 0
     assert Path("own.ssp").read_bytes() == Path("told.ssp").read_bytes()
     assert main(["ssp", "--output", "named.ssp", "--system", "VoiceCoils.ssd", "--parameters", "coils_ideal.ssv"]) == 0
-    assert main(["parameters", "small_satellite.toml", "--output", "mine.ssv"]) == 0
-    assert main(["parameters", "--list", "--system", "VoiceCoils.ssd"]) == 0
-    assert "coils." in capsys.readouterr().out
+    assert main(["parameters", "telescope.toml", "--output", "mine.ssv"]) == 0
+    assert main(["list", "VoiceCoils.ssd", "coils.*"]) == main(["list", "pointing", "tracker.*"]) == 0
+    assert "VoiceCoils.fmu" in (listed := capsys.readouterr().out)
+    assert "LineOfSightSensor.fmu" in listed
     assert sorted(os.listdir()) == ["mine.ssv", "named.ssp", "own.ssp", "told.ssp"]
 
 

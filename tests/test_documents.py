@@ -68,13 +68,13 @@ def test_the_diagrams_are_drawn(tmp_path, name, suffix):
 
 
 def test_the_study_of_the_schemes_is_drawn(tmp_path):
-    """With two steps, which the table of docs/schemes.md has among others."""
+    """With two steps, which the table of docs/any-system.md has among others."""
     schemes = script("draw_schemes")
     steps = {name: own[:2] for name, own in schemes.STEPS.items()}
     found = schemes.measure(steps)
     schemes.draw(tmp_path / "schemes.png", found, steps)
     assert (tmp_path / "schemes.png").stat().st_size > 10_000
-    text = (ROOT / "docs" / "schemes.md").read_text(encoding="utf-8")
+    text = (ROOT / "docs" / "any-system.md").read_text(encoding="utf-8")
     kept = re.findall(r"^\| ((?:jacobi|gauss-seidel|iterated), \w+) \| (.*) \|$", text, re.MULTILINE)
     for row, (name, cells) in zip(schemes.list_rows(found, steps), kept, strict=True):
         made, there = row.split(" | ")[1:], cells.split(" | ")
@@ -89,5 +89,5 @@ def test_the_architecture_is_that_of_today(tmp_path):
     assert (tmp_path / "rooms.svg").read_bytes() == (ROOT / "docs" / "rooms.svg").read_bytes(), (
         "python docs/draw_rooms.py draws it again"
     )
-    text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    text = (ROOT / "docs" / "developers" / "architecture.md").read_text(encoding="utf-8")
     assert [room for room in drawing.list_rooms()[1:] if f"`{room}`" not in text] == []

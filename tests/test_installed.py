@@ -177,7 +177,7 @@ def test_a_run_a_parameter_file_and_an_archive(installed, built_fmus):
     assert all(content == (built_fmus / name).read_bytes() for name, content in fmus.items())
 
     for command in (
-        ["ps-fmu", "parameters", "small_satellite.toml", "--output", "mine.ssv"],
+        ["ps-fmu", "parameters", "telescope.toml", "--output", "mine.ssv"],
         ["ps-fmu", "ssp", "--output", "system.ssp", "--parameters", "mine.ssv"],
         ["python", "-I", "-c", NOTEBOOK],
     ):

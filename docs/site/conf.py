@@ -29,7 +29,7 @@ extensions = [
     "house_docstrings",
     "python_names",
 ]
-exclude_patterns = ["docs/tutorials/*.rst"]  # the head of the gallery, which is a part of its index
+exclude_patterns = ["docs/tutorials/*.rst", "docs/paper"]  # parts of other pages
 suppress_warnings = ["config.cache"]  # sphinx-gallery's settings hold classes
 
 # --- Markdown --------------------------------------------------------------------------------

@@ -36,7 +36,7 @@ _LISTED = (("identify", "find a parameter set from the published numbers", _IDEN
 """Commands of rooms that nothing else knows: name, words of the help, and what adds the arguments to a parser."""
 _GROUPS = {
     "run and judge": ("run", "judge", "sweep", "analyse"),
-    "my instrument": ("parameters", "list", "ssp"),
+    "my instrument": ("parameters", "list", "ssp", "new"),
     "build and check FMUs": ("build", "wrap", "check", "crosscheck"),
     "the paper": ("identify",),
 }

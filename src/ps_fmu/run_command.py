@@ -85,6 +85,10 @@ def _add_what(group: argparse._ArgumentGroup) -> None:
     system.add_argument(
         "--ssp", dest="system", type=Path, metavar="FILE.ssp", help="the same with its FMUs, made by ps-fmu ssp"
     )
+    group.add_argument(
+        "--instrument", type=Path, metavar="F.toml",
+        help="your payload, mechanism and bus: all FMUs start with their values; --parameters win",
+    )  # fmt: skip
     add_system_options(group, "parameters", "replace", "fmus", parameters="parameter_files")
     group.add_argument(
         "--apart", nargs="+", action="extend", default=[], metavar="NAME",

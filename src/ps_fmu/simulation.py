@@ -40,8 +40,8 @@ def simulate(
     Parameters
     ----------
     scenario: one of those that ``ps-fmu run --help`` lists, or any system: an ``.ssp``, ``.ssd``, ``.xml`` or ``.fmu``.
-    parameters: start values by ``component.parameter``, in the units of ``ps-fmu parameters --list``; stronger than
-        ``parameter_files``.
+    parameters: start values by ``component.parameter``, in the units of ``ps-fmu list``; stronger than
+        ``parameter_files`` and ``instrument``.
     seed: of the disturbance, 1 by default.
     cases: names of those to run, by default all; of scenarios that compare two cases.
     output: folder to write into, as ``ps-fmu run`` does but for figures, while the run goes on: for long runs.
@@ -52,12 +52,13 @@ def simulate(
     anew: FMUs that begin anew then, without their state, and so with other fixed parameters.
     duration, step, storage_step: seconds to simulate, of a communication step, between stored rows; by default those of
         the scenario.
+    instrument: the TOML file of your instrument, see docs/instrument.md; all FMUs start with its values.
     parameter_files: ``.ssv`` files, own ones or those of ps_fmu by their names; later ones win.
     apart: beginnings of names of parameters that differ from the plant's on purpose: no warning.
     disturbance: recorded force and torque on the bus, a CSV or netCDF file, in place of the noise.
     system: another system than that of the scenario: an ``.ssd`` file, own or of ps_fmu, or an ``.ssp`` archive, which
         has its FMUs in it.
-    scheme: order of exchange, ``"jacobi"``, ``"gauss-seidel"`` or ``"iterated"``, see docs/schemes.md.
+    scheme: order of exchange, ``"jacobi"``, ``"gauss-seidel"`` or ``"iterated"``, see docs/any-system.md.
     observe: a pattern such as ``plant.payload_*``, or several, of the outputs to store, by default all.
     requirements: a TOML file, own or of ps_fmu; the verdicts are ``summary["verdicts"]``.
     inputs: a CSV file of inputs over time, see docs/any-system.md.

@@ -56,9 +56,10 @@ def run(arguments: argparse.Namespace) -> int:
     from .studies.study import StudyError
     from .studies.sweep import SweepOptions
 
+    study = find_file(arguments.study)
     try:
         options = SweepOptions(
-            find_file(arguments.study),
+            study,
             arguments.output or Path("results", arguments.study.stem),
             scheduler=arguments.scheduler,
             workers=arguments.workers,

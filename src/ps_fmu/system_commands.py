@@ -21,6 +21,12 @@ if TYPE_CHECKING:
     from .runs.scenario import Need
 
 DEFAULT_SYSTEM = "SystemStructure.ssd"
+TEMPLATES = {"isolator": "isolator", "sensor": "sensors", "controller": "pointing", "disturbance": "disturbance"}
+"""What ``ps-fmu new`` writes, and the components whose places it takes."""
+RUNS = {
+    "sensor": "isolation --system InertialSensors.ssd",
+    "controller": "isolation --system LineOfSight.ssd",
+}
 WIDTH = 100  # characters of a line of the list
 GAP = 2  # characters between its columns
 LONGEST = (42, 5, 11, 8)  # characters of its columns: name, use, start, unit; longer texts have a line of their own
@@ -92,6 +98,46 @@ def add_parsers(commands: argparse._SubParsersAction[Any]) -> None:
     _add_list(commands)
     _add_ssp(commands)
     _add_parameters(commands)
+    _add_new(commands)
+
+
+# ---- new -----------------------------------------------------------------------------------------------------------
+
+
+def _add_new(commands: argparse._SubParsersAction[Any]) -> None:
+    command = commands.add_parser(
+        "new",
+        help="write a slave of one's own to begin with",
+        description="Write the Python source of a small FMU that takes the place of a component of ps_fmu.  It builds, "
+        "passes the checks and runs as it is.",
+    )
+    command.add_argument("kind", choices=TEMPLATES, help=", ".join(f"{k}: for {v}" for k, v in TEMPLATES.items()))
+    command.add_argument("file", type=read_output, metavar="FILE.py", help="new file; the FMU is called as the file")
+    command.set_defaults(run=_new)
+
+
+def _new(options: argparse.Namespace) -> int:
+    from .files.plain import write_atomically
+
+    kind, file = options.kind, options.file
+    problem = ""
+    if file.suffix != ".py" or not (file.stem.isidentifier() and file.stem.isascii()):
+        problem = "expected a name of letters, digits and underscores that ends with .py"
+    elif file.exists():
+        problem = "there is such a file: name another one"
+    if problem:
+        print(f"ps-fmu new: {file}: {problem}", file=sys.stderr)
+        return 2
+    model = "".join(word[:1].upper() + word[1:] for word in file.stem.split("_"))
+    try:
+        text = (find_product().system / "templates" / f"{kind}.py").read_text(encoding="utf-8")
+        write_atomically(file, text.replace(f"class {kind.capitalize()}(", f"class {model}("))
+    except OSError as error:
+        print(f"ps-fmu new: {reason(error)}", file=sys.stderr)
+        return 1
+    component, run = TEMPLATES[kind], RUNS.get(kind, "isolation")
+    print(f"{file}\nps-fmu build {file}\nps-fmu run {run} --replace {component}={model}.fmu")
+    return 0
 
 
 # ---- ssp -----------------------------------------------------------------------------------------------------------

@@ -58,7 +58,7 @@ def test_orders(build, order, extrapolation, expected, make, names, steps):
     verify_claim(
         "master.order",
         claim="Order of accuracy of each scheme: 1 where inputs are held, 2 where they are lines",
-        where="docs/schemes.md: table of schemes",
+        where="docs/any-system.md: table of schemes",
         reference="exact solutions of an oscillator and a quarter truck, at three steps",
         error=abs(slope - expected),
         bound=0.12,

@@ -285,7 +285,7 @@ def count(model):
 
 def test_documented_counts():
     counted = {model: numbers for model in MODELS if (numbers := count(model)) is not None}
-    rows = ROW.finditer((ROOT / "docs" / "own-fmu.md").read_text())
+    rows = ROW.finditer((ROOT / "docs" / "developers" / "native-steps.md").read_text())
     stated = {row[1]: [float(value) for value in row.groups()[1:]] for row in rows}
     assert counted.keys() == stated.keys()
     for model, numbers in counted.items():

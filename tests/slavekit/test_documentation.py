@@ -1,4 +1,4 @@
-"""The page made from a README and a model description; terminals; the example of docs/own-fmu.md."""
+"""The page made from a README and a model description; terminals; the example of docs/developers/native-steps.md."""
 
 import importlib.util
 import re
@@ -8,7 +8,6 @@ from xml.etree.ElementTree import fromstring, tostring
 import fmpy
 import pytest
 from lxml import etree
-from support.page import PAGE
 from support.states import start_stepping
 
 from ps_fmu.slavekit.author import elements
@@ -162,15 +161,16 @@ def test_a_member_that_does_not_exist_is_named():
         write_terminals([Terminal("grip", ("torque",), "")], Gripper.layout)
 
 
-# --- The example of elements in docs/own-fmu.md runs, and does what its sentence says ----------------------------
+# --- The example of docs/developers/native-steps.md runs, and does what its sentence says ----------------------------
 
 H = 0.02  # s
+PAGE = Path(__file__).parents[2] / "docs" / "developers" / "native-steps.md"
 
 
 @pytest.fixture
 def sensor(tmp_path):
     script = tmp_path / "level_sensor.py"
-    script.write_text(re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.DOTALL)[2])
+    script.write_text(re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.DOTALL)[0])
     spec = importlib.util.spec_from_file_location("level_sensor", script)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)

@@ -14,7 +14,8 @@ def write_example(folder: Path, *changes: tuple[str, str]) -> Path:
     """Write the slave and its helper module into a new folder, with some texts replaced; the slave's path."""
     folder.mkdir(parents=True)
     blocks = re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.DOTALL)
-    for name, text in zip(("tank.py", "valve.py"), blocks[:2], strict=True):
+    for name, word in (("tank.py", "class Tank"), ("valve.py", "def compute_flow")):
+        [text] = [block for block in blocks if word in block]
         for old, new in changes:
             text = text.replace(old, new)
         (folder / name).write_text(text)

@@ -57,9 +57,9 @@ def _replace(system: System, old: Component, path: Path) -> System:
     said = [
         f"{old.name} is {path.name} in place of {old.source.name}",
         *_say("it gets new connections by name", [_show(wire) for wire in new_wires]),
-        *_say("it does not have the variables of these connections, which are left out", [_show(wire) for wire in cut]),
+        *_say("these connections are left out, as it has no variables for them", [_show(wire) for wire in cut]),
         *_say("nothing feeds its inputs", sorted({*unfed} - {wire.target.variable for wire in new_wires})),
-        *_say("it does not have these variables, whose values are left out", left),
+        *_say("these values are left out, as it has no variables for them", left),
     ]
     parameters = {name: entry for name, entry in old.parameters.items() if name in known}
     new = replace(old, source=path.absolute(), connectors=(), variables=known, parameters=parameters)

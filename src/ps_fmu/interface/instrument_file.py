@@ -12,11 +12,16 @@ from __future__ import annotations
 import importlib.util
 import sys
 from collections import Counter
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
-from ..cosim import read_system
+from fmpy.model_description import ModelDescription
+
+from ..cosim import System, read_system
 from ..cosim.description import read_descriptions
 from ..cosim.ssp.writing import start_values_xml
+from ..cosim.structure import Parameter
 from ..files.plain import write_atomically
 from ..mechanism.instrument import Instrument, read_instrument
 from ..product.files import find_product
@@ -61,6 +66,19 @@ def import_slave(folder: Path) -> type[Slave]:
     raise BuildError(f"{script}: defines no Slave")
 
 
+def read_start_values(
+    source: Path, wired: System, descriptions: Mapping[str, ModelDescription]
+) -> tuple[dict[str, Parameter], tuple[str, ...]]:
+    """Start values of a system's FMUs for the instrument of a TOML file, and warnings on it.
+
+    ``wired``, ``descriptions``: the system, and the model description of each of its components.  Raises as
+    :func:`write_start_values`.
+    """
+    instrument = read_instrument(source)
+    values = make_start_values(instrument, wired, descriptions, find_physics(find_product().fmus))
+    return {name: replace(entry, origin=source.name) for name, entry in values.items()}, instrument.warnings
+
+
 def write_start_values(
     source: Path, output: Path, system: Path, fmus: Path | None, bus: str | None = None, *, everything: bool = False
 ) -> list[str]:
@@ -102,6 +120,8 @@ def _describe(instrument: Instrument) -> list[str]:
     modes = ", ".join(f"{mode.frequency:g}" for mode in p.bus.modes if mode.active)
     bodies = f"payload {p.payload.mass:g} kg, bus {p.bus.mass:g} kg"
     lines = [f"{bodies}, modes of the bus: {f'{modes} Hz' if modes else 'none'}"]
+    lines += instrument.remarks
+    lines += [f"note: {text}" for text in instrument.warnings]
     if instrument.inherited:
         lines.append(f"from the base: {', '.join(instrument.inherited)}")
     return lines

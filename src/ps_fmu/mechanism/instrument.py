@@ -10,7 +10,8 @@ what differs.  An entry that is given replaces that of the base; a list is repla
 the legs' parts; the inertias of these by its square (their masses stay).
 
 The bus is ``[bus]``, given as a whole, or on top of one of the base with ``base = "OSM"`` in it.  Its modes are those
-of ``[[bus.modes]]`` and of ``[[bus.appendage]]`` (:class:`.modes.Appendage`).  A file without ``[bus]`` has the buses
+of ``[[bus.modes]]``, of ``[bus.finite_elements]`` (:mod:`.finite_elements`) and of ``[[bus.appendage]]``
+(:class:`.modes.Appendage`); those of the payload likewise, without appendages.  A file without ``[bus]`` has the buses
 of its base.  Who gives ``payload.com_P`` without ``isolator.known_com_P`` has an isolator that knows it exactly.
 
 ``[start.COMPONENT]`` holds what no table of ``paper.toml`` speaks of: other parameters and inputs of the FMUs.
@@ -27,6 +28,7 @@ from typing import Any
 
 import numpy as np
 
+from .finite_elements import put_modes
 from .modes import Appendage, join_bodies
 from .parameters import PAPER, Bus, Parameters, build, make_parameters, read_table, refuse_unknown
 from .quantities import ParameterError, check_inertia, check_number, check_truth, freeze
@@ -39,6 +41,8 @@ OWN_BUS = "own"
 """Name of the bus that ``[bus]`` states without a name."""
 DEFAULT_BUS = "OSM"
 LEGS = ("coarse_legs", "fine_legs")
+FLEXIBLE = {"modes", "finite_elements"}
+"""Entries of the payload that state its modes."""
 DEEPEST_BASE = 8  # files that inherit from each other, one from the next
 
 
@@ -51,6 +55,10 @@ class Instrument:
     """``[start]``: by component, the values of its parameters and inputs as nested tables."""
     inherited: tuple[str, ...]
     """Entries of the base that the file leaves as they are, such as ``payload.truss_modes``; whole tables as one."""
+    remarks: tuple[str, ...] = ()
+    """Lines on what the file gives, such as the modes of a finite-element model."""
+    warnings: tuple[str, ...] = ()
+    """What is unusual, such as a small stroke."""
 
 
 def read_instrument(path: Path, bus: str | None = None) -> Instrument:
@@ -65,14 +73,14 @@ def read_instrument(path: Path, bus: str | None = None) -> Instrument:
     ------
     ParameterError: an entry is missing, unknown or impossible; the text names it.
     """
-    own = _read(path)
-    table = _inherit(own, path, 0)
+    own, remarks = _read(path), list[str]()
+    table = _inherit(own, path, 0, remarks)
     for name in TABLES:
         if not table.get(name):
             raise ParameterError(name, 'missing: with base = "paper" at its head, a file need give only what differs')
     name, entries = _select_bus(table, bus)
     inherited = tuple(_list_inherited(own, table)) if "base" in own else ()
-    return Instrument(make_parameters(table, entries, name), table.get("start", {}), inherited)
+    return Instrument(make_parameters(table, entries, name), table.get("start", {}), inherited, tuple(remarks))
 
 
 def _read(path: Path) -> Table:
@@ -89,8 +97,11 @@ def _check_table(value: Any, name: str) -> Table:
     return value
 
 
-def _inherit(own: Table, path: Path, depth: int) -> Table:
-    """The tables of a file with all that it inherits; buses by name, each complete."""
+def _inherit(own: Table, path: Path, depth: int, remarks: list[str]) -> Table:
+    """The tables of a file with all that it inherits; buses by name, each complete.
+
+    ``remarks``: lines on what the file gives are added.
+    """
     own = copy.deepcopy(own)
     named = own.pop("base", None)
     if named is None:
@@ -101,22 +112,29 @@ def _inherit(own: Table, path: Path, depth: int) -> Table:
         raise ParameterError("base", f"{path.name}: more than {DEEPEST_BASE} files inherit from each other")
     else:
         source = PAPER if named == "paper" else path.parent / named
-        base = _inherit(_read(source), source, depth + 1)
-    return _put_on_base(own, base)
+        base = _inherit(_read(source), source, depth + 1, [])
+    return _put_on_base(own, base, path.parent, remarks)
 
 
-def _put_on_base(own: Table, base: Table) -> Table:
+def _put_on_base(own: Table, base: Table, folder: Path, remarks: list[str]) -> Table:
     manipulator = own.get("manipulator", {})
     if "scale" in manipulator:
         if "manipulator" not in base:
             raise ParameterError("manipulator.scale", 'nothing is inherited that it could scale: give base = "paper"')
         scale = check_number(manipulator.pop("scale"), "manipulator.scale", above=0.0)
         base["manipulator"] = _scale(base["manipulator"], scale)
+    if "payload" in own:
+        if own["payload"].keys() & FLEXIBLE:  # who gives modes gives them all
+            own["payload"].setdefault("truss_modes", [])
+        remarks += put_modes(own["payload"], "P", folder, "payload")
     if "com_P" in own.get("payload", {}) and "known_com_P" not in own.get("isolator", {}):
         own.setdefault("isolator", {})["known_com_P"] = own["payload"]["com_P"]
     buses = dict(base.get("bus", {}))
     for name, entries in _name_buses(own.pop("bus", {})).items():
-        buses[name] = _complete_bus(_check_table(entries, f"bus.{name}"), base.get("bus", {}), name)
+        where = "bus" if name == OWN_BUS else f"bus.{name}"
+        entries = dict(_check_table(entries, where))
+        remarks += put_modes(entries, "B", folder, where)
+        buses[name] = _complete_bus(entries, base.get("bus", {}), where)
     merged = _merge(base, own)
     merged["bus"] = buses
     return merged
@@ -171,17 +189,15 @@ def _scale(manipulator: Table, scale: float) -> Table:
 
 def _name_buses(bus: Table) -> Table:
     """Buses by name: ``[bus]`` itself, or each ``[bus.NAME]`` of a file like paper.toml."""
-    if bus and all(isinstance(value, dict) for value in bus.values()):
+    if bus and "finite_elements" not in bus and all(isinstance(value, dict) for value in bus.values()):
         return bus
     return {OWN_BUS: bus} if bus else {}
 
 
-def _complete_bus(own: Table, buses: Table, name: str) -> Table:
+def _complete_bus(own: Table, buses: Table, where: str) -> Table:
     """The entries of one bus, its appendages turned into modes."""
-    where = "bus" if name == OWN_BUS else f"bus.{name}"
     names = [f.name for f in fields(Bus)]
     refuse_unknown(own, ("base", *names, "appendage", "appendages_included"), where)
-    own = dict(own)
     base: Table = {}
     if "base" in own:
         chosen = own.pop("base")
@@ -239,7 +255,12 @@ def _select_bus(table: Table, name: str | None) -> tuple[str, Table]:
 
 def _list_inherited(own: Table, whole: Table) -> Iterator[str]:
     """What the file leaves to its base, by the names of ``whole``, which has all: whole tables, then single entries."""
-    known = "com_P" in own.get("payload", {})  # the isolator has it from there
+    own = {**own, "payload": dict(own["payload"])} if own.get("payload") else own
+    if (payload := own.get("payload", {})).keys() & FLEXIBLE:
+        payload.setdefault("truss_modes", [])
+    if "finite_elements" in payload:
+        payload |= {name: payload.get(name) for name in ("mass", "com_P", "inertia_P")}
+    known = "com_P" in payload  # the isolator has it from there
     yield from (name for name in TABLES if name not in own and not (name == "isolator" and known))
     for name in (name for name in TABLES if name in own and name != "bus"):
         yield from _list_rest(own[name], whole[name], name)

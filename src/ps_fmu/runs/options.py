@@ -37,6 +37,8 @@ INPUTS = (PARAMETERS, CONVERTED)
 """What a run reads and may write itself into the output folder."""
 SOURCE = f"ps_fmu {__version__}, FMI 2.0 co-simulation"
 """What made the results, as they say themselves."""
+_FILES = ("requirements", "disturbance", "inputs", "faults", "instrument")
+"""Fields of :class:`RunOptions` that are files."""
 SUFFIXES = (".ssp", ".ssd", ".xml", ".fmu")
 """Endings of files that are systems."""
 
@@ -60,6 +62,7 @@ class RunOptions:
     step_s: float = 1e-4  # communication step; the same
     seed: int | None = 1  # of the disturbance; None: what the system says
     parameters: tuple[Path, ...] = ()  # .ssv files with names component.parameter; later ones win
+    instrument: Path | None = None  # TOML file of an instrument, see ps_fmu.mechanism.instrument; parameters win
     values: Mapping[str, Value] = field(default_factory=dict)  # by component.parameter; stronger than the files
     apart: tuple[str, ...] = ()  # beginnings of names component.parameter that may differ from the plant's
     scheme: str | Scheme = "jacobi"
@@ -89,7 +92,7 @@ class RunOptions:
         if self.seed is not None:
             check_seed(self.seed)
         self._check_keeping()
-        files = [(name, getattr(self, name)) for name in ("requirements", "disturbance", "inputs", "faults")]
+        files = [(name, getattr(self, name)) for name in _FILES]
         for name, path in [*(("parameters", path) for path in self.parameters), *files]:
             if path is not None and not path.is_file():
                 raise OptionError(f"{name_option(name)}: there is no file {path}")
@@ -166,6 +169,7 @@ class GivenOptions(TypedDict, total=False):
     step: float | None
     storage_step: float | None
     seed: int | None
+    instrument: str | PathLike[str] | None
     parameter_files: Sequence[str | PathLike[str]]
     apart: Sequence[str]
     scheme: str | Scheme
@@ -229,6 +233,7 @@ def make_options(what: str, output: Path, **given: Unpack[GivenOptions]) -> RunO
         step_s=choose(given.get("step"), scenario.step_s),
         seed=choose(given.get("seed"), scenario.seed),
         parameters=tuple(find_file(Path(path)) for path in given.get("parameter_files", ())),
+        instrument=find(given.get("instrument")),
         apart=tuple(given.get("apart", ())),
         scheme=given.get("scheme", "jacobi"),
         storage_step_s=given.get("storage_step"),
@@ -354,7 +359,7 @@ def _encode(value: Any) -> Any:
 
 def list_files(options: RunOptions) -> list[Path]:
     """Files whose content decides on the results, but for the FMUs, which are in each checkpoint."""
-    single = (options.system, options.requirements, options.disturbance, options.inputs, options.faults)
+    single = (options.system, *(getattr(options, name) for name in _FILES))
     paths = [path.absolute() for path in (*single, *options.parameters) if path is not None]
     return [find_description(path) or path if path.is_dir() else path for path in paths]
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from contextlib import nullcontext
+from contextlib import closing, nullcontext
 from dataclasses import replace
 
 from ..cosim import Value
@@ -30,11 +30,14 @@ class Run:
     options: of the run
     only: names of the cases that are wanted; empty: all
     shared: the FMUs, which stay loaded; the rows are kept in memory then
+    reset: the FMUs stay loaded from case to case, until :meth:`close`
     """
 
-    def __init__(self, options: RunOptions, only: tuple[str, ...] = (), shared: SharedSystem | None = None) -> None:
+    def __init__(
+        self, options: RunOptions, only: tuple[str, ...] = (), shared: SharedSystem | None = None, reset: bool = False
+    ) -> None:
         self.options, self.only = options, only
-        self._shared = shared
+        self._shared, self._reset = shared, reset
         self._system: RunSystem | None = None
 
     @property
@@ -53,8 +56,17 @@ class Run:
         files = read_files(self.options) if shared is None else shared.files
         self.options = settle_times(self.options, files)
         system = load_system(self.options, defaults, files)
-        self._system = system if shared is None else replace(system, kept=KeptRows(), runner=shared.runner)
-        return self._system
+        if shared is not None:
+            system = replace(system, kept=KeptRows(), runner=shared.runner)
+        elif self._reset:
+            system = replace(system, runner=Runner(system.structure, stays=True))
+        self._system = system
+        return system
+
+    def close(self) -> None:
+        """Free the FMUs, if no other run shares them; safe to call twice."""
+        if self._reset and self._system is not None and self._system.runner is not None:
+            self._system.runner.close()
 
 
 class SharedSystem:
@@ -108,7 +120,7 @@ def execute(options: RunOptions, show: Callable[[str], None] = print) -> Done:
     """
     remove_old_values(options)
     with keep_run(options), Painter() if options.figures else nullcontext() as painter:
-        run = Run(options)
-        findings = find(run)
+        with closing(Run(options, reset=True)) as run:
+            findings = find(run)
         show(findings.printed)
         return publish(run.options, run.system, findings, show, painter)

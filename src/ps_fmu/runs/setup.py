@@ -25,6 +25,7 @@ from ..cosim.signals import Signal, read_signals
 from ..cosim.ssp.reading import complete_experiment, fit_duration, read_any_system
 from ..cosim.structure import Parameter, PortName, parse_port
 from ..interface.linear_system import DELAYS, Circuit
+from ..mechanism.quantities import ParameterError
 from ..results.summary import FmuFile
 from ..theory.sampled import round_delay
 from .index_record import IndexLog
@@ -131,23 +132,43 @@ class SystemFiles:
     structure: System
     descriptions: Mapping[str, ModelDescription]
     warnings: tuple[str, ...] = ()
+    instrument: Mapping[str, Parameter] = field(default_factory=dict)
+    """Start values of the options' instrument, by ``component.variable``."""
 
 
 def read_files(options: RunOptions) -> SystemFiles:
     """Read a system; one that is foreign as SSP says, with the values of the parameter files behind all its bindings.
 
-    Raises :class:`ps_fmu.cosim.SystemFileError` or :class:`ps_fmu.cosim.UsageError`, naming the file and line.
+    Raises :class:`ps_fmu.cosim.SystemFileError` or :class:`ps_fmu.cosim.UsageError`, naming the file and line;
+    :class:`OptionError` for an instrument that cannot be used.
     """
     warnings = WarningLog()
     if not options.scenario.foreign:
         structure = read_system(options.system, options.fmus, outside=options.outside)
         structure = replace_components(structure, options.replace)
-        return SystemFiles(structure, read_descriptions(structure))
+        descriptions = read_descriptions(structure)
+        values, texts = _read_instrument(options, structure, descriptions)
+        return SystemFiles(structure, descriptions, texts, values)
     with warnings.collect():
         sets = [read_parameters(path).entries() for path in options.parameters]
         structure = read_any_system(options.system, options.fmus, outside=options.outside, values=sets)
         structure = replace_components(structure, options.replace)
-        return SystemFiles(structure, read_descriptions(structure, lenient=True), warnings.texts)
+        descriptions = read_descriptions(structure, lenient=True)
+        values, texts = _read_instrument(options, structure, descriptions)
+        return SystemFiles(structure, descriptions, (*warnings.texts, *texts), values)
+
+
+def _read_instrument(
+    options: RunOptions, structure: System, descriptions: Mapping[str, ModelDescription]
+) -> tuple[dict[str, Parameter], tuple[str, ...]]:
+    if options.instrument is None:
+        return {}, ()
+    from ..interface.instrument_file import read_start_values  # runs without an instrument do not need it
+
+    try:
+        return read_start_values(options.instrument, structure, descriptions)
+    except ParameterError as error:
+        raise OptionError(f"--instrument: {options.instrument}: {error}") from error
 
 
 def settle_times(options: RunOptions, files: SystemFiles) -> RunOptions:
@@ -183,12 +204,14 @@ def load_system(
     scenario whose defaults are a recording or a multisine; :class:`ps_fmu.cosim.SystemFileError` or
     :class:`ps_fmu.cosim.UsageError` naming the file and line.
     """
+    files = read_files(options) if files is None else files
     given: dict[str, Parameter] = {}
     for path in options.parameters:
         given |= read_parameters(path).entries()
+    described = {name: entry for name, entry in files.instrument.items() if name not in given}
+    given = described | given
     given |= {name: Parameter(value, None, PARAMETERS) for name, value in options.values.items()}
     own = _read_disturbance(options, defaults or {}, given)
-    files = read_files(options) if files is None else files
     structure, descriptions, foreign = files.structure, files.descriptions, options.scenario.foreign
     check_needs(options, structure, descriptions)
     disturbed = has_disturbance(descriptions)
@@ -201,7 +224,7 @@ def load_system(
     with warnings.collect():
         if foreign:
             structure = structure.with_parameters({name: own[name] for name in own.keys() - given.keys()})
-            structure = structure.with_parameters({name: given[name] for name in options.values})
+            structure = structure.with_parameters({name: given[name] for name in (*described, *options.values)})
             wiring = check_wiring(structure, descriptions)
             for text in (*wiring.remarks, *(_list_silent(structure, options) if options.is_plain else ())):
                 warnings.add(text)
@@ -258,6 +281,8 @@ def check_needs(options: RunOptions, structure: System, descriptions: Mapping[st
             )
     for component, names in absent.items():
         problems.append(f"there is no component {component!r}, of which the scenario uses {', '.join(names)}")
+    if scenario.module and not scenario.foreign and (source := parse_port(SEED).component) not in descriptions:
+        problems.append(f"there is no component {source!r}, which shakes the bus: add one")
     if problems:
         listed = "\n".join(f"- {text}" for text in problems)
         raise OptionError(

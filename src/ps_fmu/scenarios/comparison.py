@@ -11,7 +11,9 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from ..cosim import UsageError
+from ..cosim import UsageError, Value
+from ..cosim.description import index_variables
+from ..cosim.structure import parse_port
 from ..pointing.spectra import rejection_percent
 from ..results.tables import Table, format_angles, format_number
 from ..runs.cases import Case, Outcome, run_case, warn_of_loops
@@ -29,7 +31,7 @@ Orientation: TypeAlias = tuple[float, float, float]
 
 TARGET = ("commander.target.roll", "commander.target.pitch", "commander.target.yaw")
 AXES = ("x", "y", "z")
-ENABLED = "isolator.enabled"
+ENABLED, LOOP = "isolator.enabled", "pointing.enabled"
 CASES = ("passive", "active")
 DRIVEN = (*list_needs("input", *TARGET), *list_needs("input", ENABLED, type="Boolean"))
 """What the scenarios set."""
@@ -148,7 +150,7 @@ def run_cases(
         history=history,
     )
     cases = [
-        Case(prefix + name, {**targets, ENABLED: enabled}, lead_s=lead_steps * options.step_s)
+        Case(prefix + name, {**targets, **switch_loops(system, enabled=enabled)}, lead_s=lead_steps * options.step_s)
         for name, enabled in zip(CASES, (False, True), strict=True)
         if not only or name in only
     ]
@@ -156,6 +158,16 @@ def run_cases(
         warn_of_loops(system, options, cases)  # before the first of them takes its time
     duration_s = steps * options.step_s
     return [run_case(system, options, case, judge, needs=JITTER_SIGNALS, duration_s=duration_s) for case in cases]
+
+
+def switch_loops(system: RunSystem, *, enabled: bool) -> dict[str, Value]:
+    """The switches of a case: passive is without isolator and line-of-sight loop; active, the loop is as it is set."""
+    port = parse_port(LOOP)
+    if port.component not in system.descriptions or port.variable not in index_variables(
+        system.descriptions[port.component]
+    ):
+        return {ENABLED: enabled}
+    return {ENABLED: enabled, LOOP: enabled and system.get_start(LOOP)}
 
 
 def describe_alone(outcomes: Sequence[Outcome], indices: IndexLog) -> Findings:

@@ -23,6 +23,7 @@ from ..runs.setup import DISTURBED, RunSystem
 from ..theory.line_of_sight import PointingLoop
 from .comparison import (
     IN_CLOSED_FORM,
+    LOOP,
     TARGET,
     Orientation,
     describe_alone,
@@ -41,12 +42,17 @@ START_S = 1.0  # the target changes
 HIDDEN_AT, HIDDEN_S = 2.0 / 3.0, 5.0  # of the duration; s
 SHORTEST_S = 3.0
 ATTITUDE = tuple(f"tracker.target_attitude.{k}" for k in "wxyz")
-VISIBLE, LOOP = "tracker.target_visible", "pointing.enabled"
+VISIBLE = "tracker.target_visible"
 NEEDS = (
     *list_needs("input", *TARGET, *ATTITUDE),
     *list_needs("input", VISIBLE, LOOP, type="Boolean"),
     *RECORDED,
     *IN_CLOSED_FORM,
+    *list_needs(
+        "parameter", "pointing.loop.crossover_frequency", "pointing.delay", "tracker.latency",
+        purpose="the closed form beside the run is that of PointingController and LineOfSightSensor; the scenario "
+        "isolation has none",
+    ),
     *DISTURBED,
 )
 WHEEL = {"disturbance.wheel_1.enabled": True}

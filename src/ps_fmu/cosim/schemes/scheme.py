@@ -1,6 +1,6 @@
 """A scheme as data: in which order FMUs exchange values, how often, and what their inputs do between two exchanges.
 
-docs/schemes.md has the orders that these schemes reach.
+docs/any-system.md has the orders that these schemes reach.
 """
 
 from __future__ import annotations
@@ -123,7 +123,7 @@ class Scheme:
 
     @property
     def error_order(self) -> int:
-        """Order of the global error that the exchange makes in smooth systems, see docs/schemes.md."""
+        """Order of the global error that the exchange makes in smooth systems, see docs/any-system.md."""
         return 1 if self.extrapolation == "hold" else 2
 
     def as_dict(self) -> dict[str, Any]:
@@ -161,7 +161,7 @@ def find_rate(step: float, base: float) -> Rate | None:
 def add_scheme_options(parser: argparse.ArgumentParser) -> None:
     """Add them; :func:`read_scheme` reads them."""
     default = Iteration()
-    group = parser.add_argument_group("scheme", "how FMUs exchange values; docs/schemes.md says how exactly")
+    group = parser.add_argument_group("scheme", "how FMUs exchange values; docs/any-system.md says how exactly")
     add = group.add_argument
     add("--scheme", choices=ORDERS, default=ORDERS[0], help="order of exchange; iterated solves loops (%(default)s)")
     add(

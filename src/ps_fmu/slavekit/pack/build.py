@@ -10,6 +10,7 @@ so have one copy of it in a process, those of two builds have two.
 
 from __future__ import annotations
 
+import ast
 import contextlib
 import hashlib
 import io
@@ -75,11 +76,19 @@ def build_all(output: Path, fmus: Path, only: Iterable[str] = (), **variant: Any
     return [build_one(folder, output, **variant) for folder in find_folders(fmus, only)]
 
 
-def build_one(folder: Path, output: Path, *, interpreter: Path | None = None, bundled: bool = False) -> Path:
-    """Build the FMU in ``folder`` into the folder ``output``, as ``<class>.fmu``; its path.
+def build_one(folder: Path, output: Path, **variant: Any) -> Path:
+    """Build the FMU of the slave in ``folder``, see :func:`build_slave`."""
+    folder = folder.resolve()
+    return build_slave(folder / f"{folder.name}.py", output, **variant)
+
+
+def build_slave(script: Path, output: Path, *, interpreter: Path | None = None, bundled: bool = False) -> Path:
+    """Build the FMU of a :class:`..author.slave.Slave` into the folder ``output``, as ``<class>.fmu``; its path.
 
     Parameters
     ----------
+    script: in a folder of its name, which is one of a folder of sources that share their copy of ps_fmu; or anywhere
+        else.
     interpreter: noted in the FMU as the Python for hosts that do not run one; that ties the FMU to this machine.
     bundled: put a Python of its own into the FMU, see :mod:`.bundle`.
 
@@ -87,10 +96,8 @@ def build_one(folder: Path, output: Path, *, interpreter: Path | None = None, bu
     ------
     BuildError: the sources are not complete or not as they have to be, or the FMU does not run by itself.
     """
-    folder = folder.resolve()
-    script = folder / f"{folder.name}.py"
     if not script.is_file():
-        raise BuildError(f"{folder.name}: no {script}")
+        raise BuildError(f"{script.stem}: no {script}")
     check_interpreter(interpreter)
     output.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix="ps_fmu_build_") as temporary:
@@ -103,7 +110,7 @@ def build_one(folder: Path, output: Path, *, interpreter: Path | None = None, bu
             if bundled:
                 check_bundle(fmu)
         except BuildError as error:
-            raise BuildError(f"{folder.name}: {error}") from None
+            raise BuildError(f"{script.stem}: {error}") from None
         result = output / fmu.name
         write_atomically(result, fmu.read_bytes())
     return result
@@ -143,8 +150,9 @@ def _repackage(
     files = put_launcher_in_front(built, model)
     files[_DESCRIPTION] = _GUID.sub(b'guid=""', built[_DESCRIPTION], count=1)
     sources = _collect_sources(script)
-    package = name_package(_collect_shared_sources(script.parent.parent))
-    files |= _write_documentation(script.parent, slave, files[_DESCRIPTION])
+    shared = _collect_shared_sources(script.parent.parent) if _has_own_folder(script) else _collect_modules(script)
+    package = name_package(shared)
+    files |= _write_documentation(script, slave, files[_DESCRIPTION])
     digest = compute_digest(files | sources | {RESOURCES / package: b""})
     module = f"{script.stem}_{hashlib.sha256(script.read_bytes()).hexdigest()[:12]}"
     names = {"ps_fmu": package, "pythonfmu": f"{package}.pythonfmu"}
@@ -208,18 +216,27 @@ def _collect_sources(script: Path) -> Files:
     return sources | {place: script.read_bytes()}
 
 
-def _write_documentation(folder: Path, slave: type[Slave], description: bytes) -> Files:
-    """What no simulation needs: page, terminals, icon."""
-    readme, icon = folder / "README.md", folder / "icon.png"
-    if not readme.is_file():
-        raise BuildError("there is no README.md, which becomes the FMU's documentation")
+def _has_own_folder(script: Path) -> bool:
+    return script.parent.name == script.stem
+
+
+def _write_documentation(script: Path, slave: type[Slave], description: bytes) -> Files:
+    """What no simulation needs: page, terminals, icon; the page is the README of the folder, or the script's text."""
+    readme, icon = script.with_name("README.md"), script.with_name("icon.png")
+    own = _has_own_folder(script)
+    text = ast.get_docstring(ast.parse(script.read_bytes())) or ""
+    if own and readme.is_file():
+        text = readme.read_text(encoding="utf-8")
+    if not text:
+        place = f", or {readme}," if own else ""
+        raise BuildError(f"a docstring at the top of {script.name}{place} becomes the FMU's documentation: write one")
     try:
         terminals = write_terminals(slave.terminals, slave.layout) if slave.terminals else None
-        files = {DOCUMENTATION / "index.html": write_page(readme.read_text(encoding="utf-8"), description, terminals)}
+        files = {DOCUMENTATION / "index.html": write_page(text, description, terminals)}
     except (KeyError, ValueError) as error:
         raise BuildError(str(error.args[0])) from None
     if terminals is not None:
         files[_TERMINALS] = terminals
-    if icon.is_file():
+    if own and icon.is_file():
         files[_ICON] = icon.read_bytes()
     return files

@@ -27,7 +27,7 @@ from ...files.plain import SystemFileError, write_atomically
 from ...files.xmlfile import MAXIMUM_BYTES, parse_xml
 from ...native import list_platforms
 from . import pythonfmu_build
-from .build import build_one
+from .build import build_slave
 from .bundle import check as check_bundle
 from .errors import BuildError
 from .launch import PACKAGE, RESOURCES, add_modules, add_notes, check_interpreter, name_package, put_launcher_in_front
@@ -72,12 +72,9 @@ def build_script(
     script = script.resolve()
     output.mkdir(parents=True, exist_ok=True)
     if imports_the_kit(script):
-        if more or script.parent.name != script.stem:
-            raise BuildError(
-                f"{script}: a slave that imports ps_fmu lies in a folder {script.stem} of its own, with a README.md; "
-                "all that it needs beside it is in ps_fmu"
-            )
-        return build_one(script.parent, output, interpreter=interpreter, bundled=bundled), []
+        if more:
+            raise BuildError(f"{script}: a slave that imports ps_fmu takes no other files; {more[0]} is one")
+        return build_slave(script, output, interpreter=interpreter, bundled=bundled), []
     files = _list_files(script, more)
     with tempfile.TemporaryDirectory(prefix="ps_fmu_build_") as folder:
         stock = Path(folder) / f"{script.stem}.fmu"
