@@ -8,11 +8,11 @@ import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from html import escape
-from itertools import zip_longest
+from itertools import product, zip_longest
 
 GAP = 2  # characters between columns
 USUAL = 100  # characters of a line on a terminal
-LONGEST_CELLS = range(60, 8, -4)  # characters, tried in turn; a longer cell is broken into lines
+LONGEST_CELLS = range(60, 11, -1)  # characters, tried in turn; a longer cell is broken into lines
 NUMBER_WIDTH = 24  # characters; a column with longer texts is left-aligned in HTML and may break lines
 MOST_SIDE_BY_SIDE = 5  # columns; of more, long texts in one of them leave no room on a narrow screen
 INDENT = "    "  # of a note
@@ -51,12 +51,14 @@ class Table:
         return any(_add_up(widths) <= width for widths in self._try_widths())
 
     def _try_widths(self) -> Iterator[list[int]]:
-        """Widths of the columns, the widest first."""
+        """Widths of the columns, the widest first: lines whole; cells broken between words; words broken."""
         columns = list(zip(*self.rows, strict=True)) or [()] * len(self.header)
-        for longest in LONGEST_CELLS:
+        yield [max(map(len, column)) for column in zip(self.header, *self.rows, strict=True)]
+        parts = [max((len(part) for cell in cells for part in _split(cell)), default=0) for cells in columns]
+        for least, longest in product((parts, [0] * len(parts)), LONGEST_CELLS):
             yield [
-                max([min(len(cell), longest) for cell in cells] + [len(word) for word in title.split()])
-                for title, cells in zip(self.header, columns, strict=True)
+                max(part, *(min(len(cell), longest) for cell in cells), *(len(word) for word in title.split()), 1)
+                for part, title, cells in zip(least, self.header, columns, strict=True)
             ]
 
     def to_markdown(self) -> str:
@@ -122,14 +124,22 @@ def _add_up(widths: Sequence[int]) -> int:
     return sum(widths) + GAP * (len(widths) - 1)
 
 
+def _split(cell: str) -> list[str]:
+    """The words of a cell; a name of a signal, or of a path, ends a word behind each dot."""
+    return [part for part in re.split(r" |(?<=[./])(?=[a-z])", cell) if part]
+
+
 def _wrap(cell: str, width: int) -> list[str]:
-    """A cell as lines; a longer word, such as the name of a signal, is broken behind its dots."""
-    words: list[str] = []
-    for word in cell.split(" "):
-        words.append("")
-        for part in re.split(r"(?<=[./])", word) if len(word) > width else [word]:
-            words += [part] if words[-1] and len(words[-1] + part) > width else [words.pop() + part]
-    return textwrap.wrap(" ".join(words), width)
+    """A cell as lines."""
+    lines: list[str] = []
+    for word in cell.split():
+        for place, part in enumerate(_split(word)):
+            joint = " " if place == 0 else ""
+            if lines and len(lines[-1] + joint + part) <= width:
+                lines[-1] += joint + part
+            else:
+                lines += textwrap.wrap(part, width)
+    return lines
 
 
 def _join_cells(tag: str, texts: Sequence[str], wordy: Iterable[bool], names: Sequence[str] | None = None) -> str:

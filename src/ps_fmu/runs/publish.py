@@ -13,7 +13,7 @@ from ..results.figures import Painter, draw_exploration
 from ..results.page.content import Exploration, VerdictRow
 from ..results.report import Picture, Report
 from ..results.summary import versions, write_summary
-from ..results.tables import Table
+from ..results.tables import Table, format_tables
 from .cases import Outcome
 from .divergence import LoopState, judge_loops
 from .options import REPORT, RESULTS, SUMMARY, RunOptions
@@ -111,8 +111,7 @@ def describe(options: RunOptions, system: RunSystem, findings: Findings) -> list
     verdicts = system.judge.conclude()
     shown = [format_verdicts(verdicts)] if verdicts else []
     tables = *_tabulate_faults(options, findings), *system.costs.to_tables()
-    shown += list_states(options, system, findings)
-    return [*shown, *(f"{table.caption}\n{table.to_text()}\n" for table in tables)]
+    return [*shown, format_tables(tables, list_states(options, system, findings))]
 
 
 def make_summary(options: RunOptions, system: RunSystem, findings: Findings) -> dict[str, object]:
@@ -174,15 +173,17 @@ def _tabulate_faults(options: RunOptions, findings: Findings) -> list[Table]:
 
 def show_verdict(found: Verdict) -> VerdictRow:
     """A verdict as a row of the report."""
-    name, _, signal, case, value, bound, limit, margin = found.as_row()
-    sure = found.requirement.confidence
+    required, bound = found.requirement, found.bound
+    sure, unit = required.confidence, required.limit.unit
+    below = "no bound" if bound == "-" else f"below {bound} {unit} with {100.0 * (sure or 0.0):g} %"
     return VerdictRow(
-        requirement=f"{name}: {found.requirement.about}, {signal}, {case}",
-        value=value,
-        limit=limit,
-        margin=margin,
-        confidence="-" if sure is None else f"below {bound} with {100.0 * sure:g} %" if bound != "-" else "no bound",
+        requirement=f"{required.name}: {required.about}, {found.signal}, {found.case}",
+        value=found.value if found.value == "-" else f"{found.value} {unit}",
+        limit=str(required.limit),
+        margin=found.margin,
+        confidence="-" if sure is None else below,
         answer=found.answer.value,
+        remark=found.remark[:1].upper() + found.remark[1:],
     )
 
 

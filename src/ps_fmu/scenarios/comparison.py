@@ -15,7 +15,7 @@ from ..cosim import UsageError, Value
 from ..cosim.description import index_variables
 from ..cosim.structure import parse_port
 from ..pointing.spectra import rejection_percent
-from ..results.tables import Table, format_angles, format_number
+from ..results.tables import Table, format_angles, format_number, format_tables
 from ..runs.cases import Case, Outcome, run_case, warn_of_loops
 from ..runs.index_record import PROBABILITIES, WINDOW_S, IndexLog
 from ..runs.options import RunOptions
@@ -181,7 +181,7 @@ def describe_alone(outcomes: Sequence[Outcome], indices: IndexLog) -> Findings:
     table = Table("Absolute performance error (APE)", ("case", "signal", "RMS", "peak"), rows)
     names = ", ".join(outcome.case.name for outcome in outcomes)
     return Findings(
-        title=f"Cases: {names}", printed=table.to_text(), outcomes=outcomes, orientation_deg=(0.0, 0.0, 0.0),
+        title=f"Cases: {names}", printed=format_tables([table]), outcomes=outcomes, orientation_deg=(0.0, 0.0, 0.0),
         tables=[table],
     )  # fmt: skip
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 
-from ..results.tables import Table, format_angles
+from ..results.tables import Table, format_angles, format_tables
 from ..runs.publish import Findings
 from ..runs.run import Run
 from ..runs.setup import has_disturbance
@@ -53,7 +53,7 @@ def find(run: Run) -> Findings:
     refused = "" if found.reachable else explain_refusal(found.target_deg)
     return Findings(
         title=f"Isolation at {format_angles(found.orientation_deg)} deg",
-        printed=table.to_text(),
+        printed=format_tables([table]),
         text=[*filter(None, (refused, worse)), *text],
         tables=[table],
         tabulate=lambda: [make_index_table(found, system.indices)],

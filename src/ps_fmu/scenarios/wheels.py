@@ -97,7 +97,7 @@ def find(run: Run) -> Findings:
     refused = [] if found.reachable else [explain_refusal(found.target_deg)]
     return Findings(
         title=f"Reaction wheels: {', '.join(describe_speed(wheel, options.duration_s) for wheel in wheels)}",
-        printed="\n".join([jitter.to_text(), "", format_tables([crossings], worst)]),
+        printed=format_tables([jitter, crossings], worst),
         text=[*refused, *worst, ABOUT],
         tables=[crossings, jitter],
         tabulate=lambda: [make_index_table(found, system.indices)],

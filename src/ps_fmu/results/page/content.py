@@ -31,6 +31,7 @@ class VerdictRow:
     margin: str  # for example "23 %"
     confidence: str  # for example "95 %"
     answer: str  # "met", "not met"; any other word: the run does not tell
+    remark: str = ""  # below the row: why it cannot be said, what to do
 
 
 @dataclass(frozen=True, eq=False)
