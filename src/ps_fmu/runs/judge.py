@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 
 from ..cosim import Column
+from ..pointing.index import PointingIndex
 from ..requirements.distribution import Distribution
 from ..requirements.record import RequirementRecord
 from ..requirements.requirement import Requirement, RequirementError, find_targets, read_requirements
 from ..requirements.verdict import Verdict, judge, no_run
+from .index_record import SIGNALS, WINDOW_S, is_alike, list_kinds
 from .options import OptionError, RunOptions
+
+USUAL_LEVEL = 0.95  # of a quantile beside an RMS or a peak
 
 
 @dataclass(frozen=True)
@@ -45,6 +50,28 @@ class RunJudge:
         for case, record in self._records:
             for target, found in zip(record.targets, record.distributions, strict=False):  # none before a full window
                 yield record.requirement, case, target.label, found
+
+    def list_levels(self) -> list[tuple[PointingIndex, float]]:
+        """Index and probability of each requirement on the payload, each once; that of an RMS or a peak is 95 %."""
+        levels = [
+            (one.index, one.probability or USUAL_LEVEL)
+            for one in self.requirements
+            if any(signal == name or name.startswith(f"{signal}.") for signal in one.signals for name in SIGNALS)
+        ]
+        return list(dict.fromkeys(levels))
+
+    def list_windows(self) -> tuple[float, ...]:
+        """Windows of :meth:`list_levels`, s, other than that of all runs."""
+        found = [(index, getattr(index, "window", WINDOW_S)) for index, _ in self.list_levels()]
+        others = [w for index, w in found if w != WINDOW_S and any(is_alike(index, one) for one in list_kinds(w))]
+        return tuple(dict.fromkeys(others))
+
+    def choose_unit(self, unit: str) -> tuple[str, float]:
+        """The unit of the first requirement that fits a unit, and the factor into it; without any, the unit itself."""
+        for requirement in self.requirements:
+            with suppress(ValueError):
+                return requirement.limit.unit, requirement.limit.value / requirement.limit.to(unit)
+        return unit, 1.0
 
     def conclude(self) -> list[Verdict]:
         """The verdicts, in the order of the requirements, then of the cases."""

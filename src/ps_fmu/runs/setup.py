@@ -244,8 +244,10 @@ def load_system(
     except UsageError as error:
         raise ColumnsError(str(error)) from error
     select_stored(columns, options.observe)
+    judge = read_judge(options, columns)
     system = RunSystem(
-        structure, descriptions, given, scheme, warnings, read_judge(options, columns), faults=faults, inputs=inputs,
+        structure, descriptions, given, scheme, warnings, judge, IndexLog(judge.list_windows()), faults=faults,
+        inputs=inputs,
         also=frozenset(also), columns=columns,
     )  # fmt: skip
     for name, set_s in list_delays(system):

@@ -4,20 +4,19 @@ from __future__ import annotations
 
 from functools import partial
 
-from ..results.tables import Table, format_angles, format_tables
+from ..results.tables import format_angles, format_tables
 from ..runs.publish import Findings
 from ..runs.run import Run
 from ..runs.setup import has_disturbance
 from .amplification import explain_worse
 from .comparison import (
     CASES,
-    HEADER,
     NEEDS,
     compare,
     describe_alone,
     explain_refusal,
     make_index_table,
-    make_rows,
+    make_jitter_table,
     read_target,
     run_cases,
 )
@@ -41,7 +40,7 @@ def find(run: Run) -> Findings:
     found = compare(target, runs)
     if worse := explain_worse(found, system, run.options):
         system.warnings.add(worse)
-    table = Table("Jitter of the payload: rotation by vibration, axes of P", HEADER, make_rows(found))
+    table = make_jitter_table(found, system.judge)
     rises = ""
     if has_disturbance(system.descriptions):
         rises = f"; the disturbance rises from zero over the first {system.get_number('disturbance.rise_time'):g} s"
@@ -56,7 +55,7 @@ def find(run: Run) -> Findings:
         printed=format_tables([table]),
         text=[*filter(None, (refused, worse)), *text],
         tables=[table],
-        tabulate=lambda: [make_index_table(found, system.indices)],
+        tabulate=lambda: [make_index_table(found, system)],
         outcomes=found.outcomes,
         orientation_deg=found.orientation_deg,
         rms_passive_rad=found.rms_passive.tolist(),
