@@ -119,8 +119,8 @@ LEAST_MARGIN = -100.0  # percent; of what is less a factor says more
 
 def format_margin(percent: float) -> str:
     """A margin, percent, as a text, such as ``23.1 %``, or ``12.5 x limit`` where the bound is far above the limit."""
-    times = 1.0 - 0.01 * percent
-    return f"{percent:.1f} %" if percent >= LEAST_MARGIN else f"{times:.{2 if times < 10.0 else 3}g} x limit"
+    times = float(f"{1.0 - 0.01 * percent:.2g}")
+    return f"{percent:.1f} %" if percent >= LEAST_MARGIN else f"{times:g} x limit"
 
 
 HEADER = ("requirement", "verdict", "signal", "run", "value", "bound", "limit", "margin")

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from ..cosim import Column
 from ..pointing.index import PointingIndex
+from ..pointing.indices import AbsoluteError, DriftError, MeanError, ReproducibilityError
 from ..requirements.distribution import Distribution
 from ..requirements.record import RequirementRecord
 from ..requirements.requirement import Requirement, RequirementError, find_targets, read_requirements
@@ -15,6 +16,9 @@ from ..requirements.verdict import Verdict, judge, no_run
 from .index_record import SIGNALS, WINDOW_S, is_alike, list_kinds
 from .options import OptionError, RunOptions
 
+SLOW = AbsoluteError, MeanError, DriftError, ReproducibilityError  # indices of which a drift is a part
+LEAST_DRIFT = 0.7  # of a value: what is left is hardly anything else
+SOME = 0.1  # of a limit: smaller errors are not worth a word
 USUAL_LEVEL = 0.95  # of a quantile beside an RMS or a peak
 
 
@@ -23,6 +27,8 @@ class RunJudge:
     """Requirements and their records, case by case; without requirements it observes nothing."""
 
     requirements: tuple[Requirement, ...] = ()
+    floats: bool = False
+    """The bus is free, and nothing controls its attitude."""
     _records: list[tuple[str, RequirementRecord]] = field(default_factory=list)
     _cases: list[str] = field(default_factory=list)
 
@@ -79,14 +85,32 @@ class RunJudge:
         for requirement in self.requirements:
             own = [(case, record) for case, record in self._records if record.requirement is requirement]
             for case, record in own:
-                found += judge(requirement, case, [record], f"every step of {record.step:g} s{record.after}")
+                verdicts = judge(requirement, case, [record], f"every step of {record.step:g} s{record.after}")
+                found += map(self._note_drift, verdicts, record.drifts)
             if not own:
                 found.append(no_run(requirement, self._cases))
         return found
 
+    def _note_drift(self, verdict: Verdict, drift: float) -> Verdict:
+        """The verdict, with a remark if its value is made by the drift, in the unit of its signal, of a free bus."""
+        stated = verdict.statement
+        if stated is None or not self.floats or not isinstance(verdict.requirement.index, SLOW):
+            return verdict
+        if drift < LEAST_DRIFT * max(stated.value, SOME * verdict.limit):
+            return verdict
+        remark = (
+            f"The signal drifts by {verdict.convert(drift):.3g} {verdict.requirement.limit.unit} from the first to the "
+            "last row judged. The bus has no attitude control: the momentum that the disturbance leaves keeps turning "
+            "it, and a longer run has a larger error. The attitude control of your spacecraft limits this drift; to "
+            "see the error without it, take the mean out of the disturbance."
+        )
+        return replace(verdict, remark=" ".join(filter(None, (verdict.remark, remark))))
 
-def read_judge(options: RunOptions, columns: Sequence[Column]) -> RunJudge:
+
+def read_judge(options: RunOptions, columns: Sequence[Column], *, floats: bool = False) -> RunJudge:
     """The requirements of the options, checked against the outputs of the system, the step, and the runs.
+
+    ``floats``: nothing controls the attitude of the bus.
 
     Raises :class:`OptionError` for what cannot be used.
     """
@@ -101,4 +125,4 @@ def read_judge(options: RunOptions, columns: Sequence[Column]) -> RunJudge:
                 requirement.check_cases(cases)
     except RequirementError as error:
         raise OptionError(f"--requirements: {error}") from error
-    return RunJudge(requirements)
+    return RunJudge(requirements, floats)

@@ -38,6 +38,7 @@ from .stored_rows import KeptRows
 
 SEED = "disturbance.seed"
 RECORDING_PATH = "disturbance.recording.path"
+BASE, OWN_BASE = "plant.base", "own"
 NOISE, MULTISINE = "disturbance.noise.enabled", "disturbance.noise.multisine"
 DISTURBED = (Need(SEED, "parameter", "Integer"), Need(NOISE, "parameter", "Boolean"))
 """What scenarios need that set the disturbance themselves."""
@@ -244,7 +245,7 @@ def load_system(
     except UsageError as error:
         raise ColumnsError(str(error)) from error
     select_stored(columns, options.observe)
-    judge = read_judge(options, columns)
+    judge = read_judge(options, columns, floats=_floats(structure, descriptions))
     system = RunSystem(
         structure, descriptions, given, scheme, warnings, judge, IndexLog(judge.list_windows()), faults=faults,
         inputs=inputs,
@@ -291,6 +292,16 @@ def check_needs(options: RunOptions, structure: System, descriptions: Mapping[st
             f"--system: {options.system} does not fit the scenario {scenario.name}:\n{listed}\n"
             f"ps-fmu list {scenario.name} lists all that it uses; ps-fmu run {options.system} runs any system"
         )
+
+
+def _floats(structure: System, descriptions: Mapping[str, ModelDescription]) -> bool:
+    """Whether there is a plant of ps_fmu with a bus that moves as the forces on it make it."""
+    component = parse_port(BASE).component
+    variables = index_variables(descriptions[component]) if component in descriptions else {}
+    if parse_port(BASE).variable not in variables:
+        return False
+    entry = structure.component(component).parameters.get(parse_port(BASE).variable)
+    return (variables[parse_port(BASE).variable].start if entry is None else entry.value) == OWN_BASE
 
 
 def list_delays(system: RunSystem) -> Iterator[tuple[str, float]]:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
@@ -23,7 +24,7 @@ from ..runs.judge import USUAL_LEVEL, RunJudge
 from ..runs.options import RunOptions
 from ..runs.publish import Findings
 from ..runs.scenario import list_needs
-from ..runs.setup import RunSystem
+from ..runs.setup import NOISE, RECORDING_PATH, RunSystem, has_disturbance
 from .jitter_record import JITTER_SIGNALS, JitterRecord
 from .jitter_record import NEEDS as RECORDED
 
@@ -170,6 +171,24 @@ def switch_loops(system: RunSystem, *, enabled: bool) -> dict[str, Value]:
     ):
         return {ENABLED: enabled}
     return {ENABLED: enabled, LOOP: enabled and system.get_start(LOOP)}
+
+
+def describe_runs(system: RunSystem, outcomes: Sequence[Outcome]) -> str:
+    """What was run: the FMUs, what each case switches, what disturbs; from components and start values."""
+    fmus = ", ".join(f"{one.name} ({one.source.stem})" for one in system.structure.components)
+    said = [f"FMUs in co-simulation: {fmus}."]
+    loops = {ENABLED: "isolator", LOOP: "line-of-sight loop"}
+    for case in (one.case for one in outcomes):
+        states = {loop: case.values[name] for name, loop in loops.items() if name in case.values}
+        shown = ", ".join(f"{loop} {'on' if on else 'off'}" for loop, on in states.items())
+        said.append(f"Case {case.name}: {shown}.")
+    if has_disturbance(system.descriptions):
+        if system.get_start(NOISE):
+            rise_s = system.get_number("disturbance.rise_time")
+            said.append(f"The noise of the disturbance rises from zero over the first {rise_s:g} s.")
+        if path := system.get_start(RECORDING_PATH):
+            said.append(f"The recorded disturbance {Path(str(path)).name} acts from the start on.")
+    return " ".join([*said, "Tables and figures cover the whole run."])
 
 
 def describe_alone(outcomes: Sequence[Outcome], indices: IndexLog) -> Findings:

@@ -7,13 +7,13 @@ from functools import partial
 from ..results.tables import format_angles, format_tables
 from ..runs.publish import Findings
 from ..runs.run import Run
-from ..runs.setup import has_disturbance
 from .amplification import explain_worse
 from .comparison import (
     CASES,
     NEEDS,
     compare,
     describe_alone,
+    describe_runs,
     explain_refusal,
     make_index_table,
     make_jitter_table,
@@ -41,19 +41,11 @@ def find(run: Run) -> Findings:
     if worse := explain_worse(found, system, run.options):
         system.warnings.add(worse)
     table = make_jitter_table(found, system.judge)
-    rises = ""
-    if has_disturbance(system.descriptions):
-        rises = f"; the disturbance rises from zero over the first {system.get_number('disturbance.rise_time'):g} s"
-    text = [
-        f"FMUs in co-simulation: {', '.join(component.name for component in system.structure.components)}. The "
-        "disturbance acts on the bus twice, without and with the feedforward isolator. Tables and figures cover the "
-        f"whole run{rises}.",
-    ]
     refused = "" if found.reachable else explain_refusal(found.target_deg)
     return Findings(
         title=f"Isolation at {format_angles(found.orientation_deg)} deg",
         printed=format_tables([table]),
-        text=[*filter(None, (refused, worse)), *text],
+        text=[*filter(None, (refused, worse)), describe_runs(system, found.outcomes)],
         tables=[table],
         tabulate=lambda: [make_index_table(found, system)],
         outcomes=found.outcomes,

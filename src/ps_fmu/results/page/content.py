@@ -135,6 +135,8 @@ class ChartGroup:
     marked: Sequence[tuple[str, float]] = ()
     """Places of the axis with a line across: the legend's text, and where."""
     stills: Sequence[Still] = ()
+    alone: str = ""
+    """Label of a curve that has a second chart beside each, with a scale of its own."""
 
     def __post_init__(self) -> None:
         for chart in self.charts:
@@ -146,6 +148,8 @@ class ChartGroup:
     @property
     def columns(self) -> int:
         """How many charts stand beside one another: three where there are several rows of these."""
+        if self.alone:
+            return 2
         return 3 if len(self.charts) > 3 and len(self.charts) % 3 == 0 else 1
 
     def pack(self) -> Entry:
