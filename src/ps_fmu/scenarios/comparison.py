@@ -36,6 +36,8 @@ TARGET = ("commander.target.roll", "commander.target.pitch", "commander.target.y
 AXES = ("x", "y", "z")
 ENABLED, LOOP = "isolator.enabled", "pointing.enabled"
 CASES = ("passive", "active")
+ORIGINAL = "original"
+"""The active case with the components of the system, where FMUs of the user replace them."""
 DRIVEN = (*list_needs("input", *TARGET), *list_needs("input", ENABLED, type="Boolean"))
 """What the scenarios set."""
 NEEDS = (*DRIVEN, *RECORDED)
@@ -154,8 +156,8 @@ def run_cases(
     )
     cases = [
         Case(prefix + name, {**targets, **switch_loops(system, enabled=enabled)}, lead_s=lead_steps * options.step_s)
-        for name, enabled in zip(CASES, (False, True), strict=True)
-        if not only or name in only
+        for name, enabled in ((*zip(CASES, (False, True), strict=True), (ORIGINAL, True)))
+        if name in (only or CASES)
     ]
     if system.kept is None:
         warn_of_loops(system, options, cases)  # before the first of them takes its time
