@@ -145,9 +145,8 @@ def test_what_the_tutorials_say_is_true(site):
     verdicts = site.outputs("plot_5_requirement")
     assert len(re.findall(r"  met +", verdicts)) == 7 and len(re.findall("not shown", verdicts)) == 2
     assert re.search(r"exposure +x  not shown +0\.2[0-4]", verdicts) and re.search(r"exposure +z  not shown", verdicts)
-    for name, count in (("plot_6_other_masters", 2), ("plot_7_c_program", 1)):
-        differences = numbers(r"difference:? ([\de.+-]+)", site.outputs(name))
-        assert len(differences) >= count and max(differences) < 1e-9
+    differences = numbers(r"difference:? ([\de.+-]+)", site.outputs("plot_7_c_program"))
+    assert differences and max(differences) < 1e-9
 
 
 @pytest.fixture(scope="module")
