@@ -223,7 +223,7 @@ def test_a_slave_that_cannot_be_imported_is_named(tmp_path):
 
 def test_a_physics_that_the_fmu_does_not_have_yet(system, physics):
     """Sources that are newer than the FMUs."""
-    instrument = Instrument(load(), {}, ())
+    instrument = Instrument(load(), {}, {}, ())
     with pytest.raises(ParameterError, match=r"commander\.coarse_leg_1\.lower\.mass: .* build it again"):
         make_start_values(instrument, *system, {**physics, "PointingCommander": physics["FeedforwardIsolator"]})
 

@@ -58,6 +58,10 @@ class Kind(Checked, ABC):
     def check(self, shared: SharedSettings) -> None:
         """Raise ParameterError, naming the field, where the settings contradict the shared ones."""
 
+    def explain(self) -> str | None:
+        """What a user should know of the settings, whatever the steps are; None: nothing."""
+        return None
+
     def explain_aliasing(self, h: float) -> str | None:
         """What is wrong with steps of ``h`` (s), and what to do; None: nothing."""
         return None

@@ -37,7 +37,8 @@ from .scenario import Need
 from .stored_rows import KeptRows
 
 SEED = "disturbance.seed"
-RECORDING_PATH = "disturbance.recording.path"
+_PATH = "recording.path"
+RECORDING_PATH = f"disturbance.{_PATH}"
 NOISE, MULTISINE = "disturbance.noise.enabled", "disturbance.noise.multisine"
 DISTURBED = (Need(SEED, "parameter", "Integer"), Need(NOISE, "parameter", "Boolean"))
 """What scenarios need that set the disturbance themselves."""
@@ -137,20 +138,20 @@ class SystemFiles:
 def read_files(options: RunOptions) -> SystemFiles:
     """Read a system; one that is foreign as SSP says, with the values of the parameter files behind all its bindings.
 
-    Raises :class:`ps_fmu.cosim.SystemFileError` or :class:`ps_fmu.cosim.UsageError`, naming the file and line;
-    :class:`OptionError` for an instrument that cannot be used.
+    Raises :class:`ps_fmu.cosim.SystemFileError` or :class:`ps_fmu.cosim.UsageError`, naming the file and line, and
+    :class:`OptionError` for an FMU that cannot take the place of a component, and an instrument that cannot be used.
     """
     warnings = WarningLog()
     if not options.scenario.foreign:
         structure = read_system(options.system, options.fmus, outside=options.outside)
-        structure = replace_components(structure, options.replace)
+        structure = _replace_components(structure, options)
         descriptions = read_descriptions(structure)
         values, texts = _read_instrument(options, structure, descriptions)
         return SystemFiles(structure, descriptions, texts, values)
     with warnings.collect():
         sets = [read_parameters(path).entries() for path in options.parameters]
         structure = read_any_system(options.system, options.fmus, outside=options.outside, values=sets)
-        structure = replace_components(structure, options.replace)
+        structure = _replace_components(structure, options)
         descriptions = read_descriptions(structure, lenient=True)
         values, texts = _read_instrument(options, structure, descriptions)
         return SystemFiles(structure, descriptions, (*warnings.texts, *texts), values)
@@ -167,6 +168,13 @@ def _read_instrument(
         return read_start_values(options.instrument, structure, descriptions)
     except ParameterError as error:
         raise OptionError(f"--instrument: {options.instrument}: {error}") from error
+
+
+def _replace_components(structure: System, options: RunOptions) -> System:
+    try:
+        return replace_components(structure, options.replace)
+    except UsageError as error:
+        raise OptionError(f"--replace: {str(error).removeprefix('--replace: ')}") from error
 
 
 def settle_times(options: RunOptions, files: SystemFiles) -> RunOptions:
@@ -246,6 +254,12 @@ def load_system(
         structure, descriptions, given, scheme, warnings, read_judge(options, columns), faults=faults, inputs=inputs,
         also=frozenset(also), columns=columns,
     )  # fmt: skip
+    source = parse_port(SEED).component
+    if disturbed and _PATH in structure.component(source).parameters:
+        from .recorded import explain_drift  # with all kinds of disturbance, which other runs do not need
+
+        for text in explain_drift(structure, source, options.duration_s):
+            warnings.add(text)
     for name, set_s in list_delays(system):
         if (acts_s := round_delay(set_s, options.step_s)) != set_s:
             system.warnings.add(describe_rounding(name, system.get_origin(name), set_s, acts_s, options.step_s))

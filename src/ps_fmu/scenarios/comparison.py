@@ -33,6 +33,8 @@ TARGET = ("commander.target.roll", "commander.target.pitch", "commander.target.y
 AXES = ("x", "y", "z")
 ENABLED, LOOP = "isolator.enabled", "pointing.enabled"
 CASES = ("passive", "active")
+ORIGINAL = "original"
+"""The active case with the components of the system, where FMUs of the user replace them."""
 DRIVEN = (*list_needs("input", *TARGET), *list_needs("input", ENABLED, type="Boolean"))
 """What the scenarios set."""
 NEEDS = (*DRIVEN, *RECORDED)
@@ -162,8 +164,8 @@ def run_cases(
             needs=JITTER_SIGNALS,
             duration_s=steps * options.step_s,
         )
-        for name, enabled in zip(CASES, (False, True), strict=True)
-        if not only or name in only
+        for name, enabled in ((*zip(CASES, (False, True), strict=True), (ORIGINAL, True)))
+        if name in (only or CASES)
     ]
 
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..cosim import Value
+from ..cosim.ssp.packing import find_values
 from ..disturbance import DisturbanceSettings, default_settings
 from ..disturbance.turning import RPM
 from ..disturbance.wheels import WheelSource
@@ -197,7 +198,8 @@ def _read_settings(system: RunSystem) -> DisturbanceSettings:
     if missing := [name for name in wanted if name.startswith("wheel_") and name not in names]:
         raise OptionError(f"--system: the scenario wheels needs the parameter {COMPONENT}.{missing[0]}")
     values = {name: system.get_start(f"{COMPONENT}.{name}") for name in wanted if name in names}
-    settings = take_values(default, values)
+    paths = {n: v for n, v in find_values(system.structure.component(COMPONENT)).items() if isinstance(v, str)}
+    settings = take_values(default, values | paths)
     return replace(settings, kinds={"wheels": settings.kinds["wheels"]})
 
 
