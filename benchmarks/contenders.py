@@ -6,8 +6,8 @@ make ahead as tables.  Stock FMUs are our slaves with the accessors and the libr
 
 from __future__ import annotations
 
-import importlib.util
 import re
+import runpy
 import shutil
 import zipfile
 from collections.abc import Mapping
@@ -130,13 +130,7 @@ def build_stock(system: System, output: Path) -> None:
 def slave_class(model: str) -> Any:
     """The slave class of a model, from its folder in ``fmus``."""
     name = "".join(f"_{c.lower()}" if c.isupper() else c for c in model).lstrip("_")
-    path = ROOT / "fmus" / name / f"{name}.py"
-    spec = importlib.util.spec_from_file_location(name, path)
-    if spec is None or spec.loader is None:
-        raise FileNotFoundError(path)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return getattr(module, model)
+    return runpy.run_path(str(ROOT / "fmus" / name / f"{name}.py"))[model]
 
 
 def build_c_fmus(system: System, initial: Mapping[str, float], step: float, rows: int, output: Path) -> None:

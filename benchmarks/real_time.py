@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 import subprocess
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -150,15 +150,11 @@ def report(found: Figures) -> str:
     return "\n".join(lines)
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Measure, print, compare with the limits; returns the exit code."""
-
-    def add(p: argparse.ArgumentParser) -> None:
-        p.add_argument("--runs", nargs="+", choices=RUNS, default=list(RUNS), metavar="NAME", help="as 'plant, slew'")
-        p.add_argument("--steps", type=int, metavar="N", help="steps of each run")
-
-    return run_benchmark(argv, __doc__, measure, report, LIMITS, rounds=9, add=add)
+def add(p: argparse.ArgumentParser) -> None:
+    """Add own options."""
+    p.add_argument("--runs", nargs="+", choices=RUNS, default=list(RUNS), metavar="NAME", help="as 'plant, slew'")
+    p.add_argument("--steps", type=int, metavar="N", help="steps of each run")
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_benchmark(__doc__, measure, report, LIMITS, rounds=9, add=add))

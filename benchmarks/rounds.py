@@ -82,7 +82,6 @@ def compare(costs: Costs, name: str, base: str) -> float:
 
 
 def run_benchmark(
-    argv: Sequence[str] | None,
     about: str | None,
     measure: Callable[[argparse.Namespace, Path], Figures],
     report: Callable[[Figures], str],
@@ -104,7 +103,7 @@ def run_benchmark(
     if steps is not None:
         p.add_argument("--steps", type=int, default=steps, metavar="N", help="steps of a round (%(default)s)")
     add(p)
-    options = p.parse_args(argv)
+    options = p.parse_args()
     if options.rounds < 1:
         p.error(f"--rounds: expected at least 1, got {options.rounds}")
     ensure_built(FMUS, ROOT)

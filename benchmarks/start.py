@@ -16,7 +16,7 @@ import statistics
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from time import process_time
@@ -148,15 +148,11 @@ def report(found: Figures) -> str:
     return "\n".join(lines)
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Measure, print, compare with the limits; returns the exit code."""
-
-    def add(p: argparse.ArgumentParser) -> None:
-        p.add_argument("--resets", type=int, default=1000, metavar="N", help="of one Master (%(default)s)")
-        p.add_argument("--commands", nargs="*", choices=COMMANDS, default=list(COMMANDS), metavar="NAME", help="timed")
-        p.add_argument("--masters", type=int, default=200, metavar="N", help="new ones (%(default)s)")
-
-    return run_benchmark(argv, __doc__, measure, report, LIMITS, rounds=5, add=add)
+def add(p: argparse.ArgumentParser) -> None:
+    """Add own options."""
+    p.add_argument("--resets", type=int, default=1000, metavar="N", help="of one Master (%(default)s)")
+    p.add_argument("--commands", nargs="*", choices=COMMANDS, default=list(COMMANDS), metavar="NAME", help="timed")
+    p.add_argument("--masters", type=int, default=200, metavar="N", help="new ones (%(default)s)")
 
 
 if __name__ == "__main__":
@@ -164,4 +160,4 @@ if __name__ == "__main__":
         numbers = [int(number) for number in sys.argv[2:]]
         print(json.dumps(count_growth(*numbers) if numbers else time_starts()))
         sys.exit(0)
-    sys.exit(main())
+    sys.exit(run_benchmark(__doc__, measure, report, LIMITS, rounds=5, add=add))

@@ -1,4 +1,4 @@
-"""What a step of the default system costs: our FMUs, the same in C by hand, as stock pythonfmu FMUs; and all our FMUs.
+"""What a step of the default system costs: our FMUs, the same in C by hand, and as stock pythonfmu FMUs.
 
 C FMUs have all noise beforehand, in a table.  Beside our whole system there is one that takes the noise from them, to
 compare steps alone.  Figures are medians over the rounds.  Exit code 1 if a limit is missed.
@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from statistics import median
 
 import numpy as np
 from contenders import CoSimulation, build_c_fmus, build_stock
-from rounds import ALL_FMUS, FMUS, SSD, STEP, Figures, Limit, compare, run_benchmark, take_turns, time
+from rounds import FMUS, SSD, STEP, Figures, Limit, compare, run_benchmark, take_turns, time
 
 from ps_fmu.cosim import System, read_system
 
@@ -23,14 +22,13 @@ STEPS = 8000  # a round; the disturbance source makes two tables in it
 SAME = 1e-9
 """All must agree within this fraction of each output's largest value in the last round."""
 
-OURS, ALL = "our FMUs, our master", "all our FMUs, of system/LineOfSight.ssd"
+OURS = "our FMUs, our master"
 QUIET, IN_C = "our FMUs with the noise of the C FMUs", "hand-written C FMUs, dense, noise from a table"
 STOCK = "pythonfmu's own accessors and library"
 LIMITS = (
     Limit("us per step", lambda found: found["median_us"][OURS], 1.5),
     Limit("steps of our FMUs over C FMUs", lambda found: found["ours_to_c_fmus"], 1.0),
     Limit("stock over our FMUs", lambda found: found["ratios"][STOCK], 30.0, at_least=True),
-    Limit("all FMUs over the four", lambda found: found["ratios"][ALL], 2.2),
 )
 
 
@@ -47,13 +45,11 @@ def measure(options: argparse.Namespace, folder: Path) -> Figures:
         QUIET: CoSimulation(quiet, STEP, steps),
         IN_C: CoSimulation(in_c, STEP, steps),
         STOCK: CoSimulation(read_system(SSD, folder / "stock"), STEP, steps),
-        ALL: CoSimulation(read_system(ALL_FMUS, FMUS), STEP, steps),
     }
     costs = take_turns({name: partial(time, "wall", one.run) for name, one in contenders.items()}, rounds)
     costs = {name: [seconds / steps * 1e6 for seconds in values] for name, values in costs.items()}
     for name, contender in contenders.items():
-        if name != ALL:
-            expect_same(name, contender, ours)
+        expect_same(name, contender, ours)
         contender.close()
     return {
         "median_us": {name: median(values) for name, values in costs.items()},
@@ -97,10 +93,5 @@ def report(found: Figures) -> str:
     return "\n".join(lines)
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Measure, print, compare with the limits; returns the exit code."""
-    return run_benchmark(argv, __doc__, measure, report, LIMITS, rounds=25, steps=STEPS)
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_benchmark(__doc__, measure, report, LIMITS, rounds=25, steps=STEPS))

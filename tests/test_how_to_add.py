@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-EXAMPLES = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "developers" / "how-to-add.md").read_text(encoding="utf-8"), re.DOTALL)
+PAGE = ROOT / "docs" / "developers" / "how-to-add.md"
+EXAMPLES = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
 SCENARIOS = ROOT / "src" / "ps_fmu" / "runs" / "scenario.py"
 DISTURBANCE = ROOT / "src" / "ps_fmu" / "disturbance"
 IMPORTS = (DISTURBANCE / "tones.py").read_text(encoding="utf-8").split("\n\n\n")[0]

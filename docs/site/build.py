@@ -26,6 +26,7 @@ ROOT = HERE.parents[1]
 DOCUMENTS = (
     "docs/**/*.md",
     "docs/*.svg",
+    "docs/*.png",
     "docs/tutorials/*.py",
     "docs/tutorials/*.rst",
     "fmus/README.md",

@@ -11,8 +11,8 @@ from ps_fmu.terminal import LazyParser
 
 HEAD = """# Command line
 
-Which commands and options are there?  The text of each section is that of `ps-fmu COMMAND --help`. `ps-fmu run` takes a
-scenario of the manipulator or any other system: options that need parts of ps_fmu are refused for a system without them.
+Which commands and options are there? The text of each section is that of `ps-fmu COMMAND --help`. `ps-fmu run` takes a
+scenario of the manipulator or any other system; an option that needs a part of ps_fmu is refused for other systems.
 """
 
 

@@ -62,8 +62,8 @@ def describe(description: Element, terminals: Element | None, component: str) ->
     yield "## Variables"
     yield ""
     yield (
-        "Parameter files, requirements and `--observe` take the name in a system. Parameters are fixed: set them before "
-        "the initialisation ends. Numbers are rounded to six digits; `modelDescription.xml` has all digits."
+        "Parameter files, requirements and `--observe` take the name in a system. Parameters are fixed: set them "
+        "before the initialisation ends. Numbers are rounded to six digits; `modelDescription.xml` has all digits."
     )
     yield ""
     variables = [

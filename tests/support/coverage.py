@@ -1,6 +1,7 @@
 """How often the bounds of verdicts hold: records of processes whose quantile and RMS are known.
 
-``python tests/support/coverage.py --records 300 --system`` measures all and prints a table for docs/developers/coverage.md.
+``python tests/support/coverage.py --records 300 --system`` measures all and prints a table for
+docs/developers/coverage.md.
 """
 
 from __future__ import annotations

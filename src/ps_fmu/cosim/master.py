@@ -52,7 +52,7 @@ class Master(Assembly):
     start_time: [s]; by default that of the system's experiment
     block_rows: rows that are handed to the observers at a time
     descriptions: those of the FMUs by component, where they have been read before: each takes some 50 ms
-    inputs: over time, by the name of an input of the system or by ``component.variable``, see :func:`.signals.read_signals`
+    inputs: over time, by the name of an input of the system or ``component.variable``, by :func:`.signals.read_signals`
     also: variables to record beside the outputs
     only: names of the columns to record; other outputs are neither read nor columns unless a connection carries them
     stopwatch: times each call of an FMU; the steps take some 0.5 us longer

@@ -53,6 +53,8 @@ class Distribution:
         self._chosen = _choose_places(expected, kept or KEPT)
         self._series: list[Array] = []
         self._worth: dict[tuple[int, float], Worth] = {}
+        self._up_to: tuple[int, NDArray[np.int64]] = 0, self.counts
+        """How many values there were, and values up to each bin."""
 
     def add(self, values: Array) -> None:
         """Add values (n,), finite; their magnitudes count."""
@@ -116,7 +118,9 @@ class Distribution:
 
     def value(self, rank: int) -> float:
         """The value of a rank, from 1, among all in ascending order, rounded up to the edge of its bin."""
-        place = np.searchsorted(np.cumsum(self.counts), rank)
+        if self._up_to[0] != self.count:
+            self._up_to = self.count, np.cumsum(self.counts)
+        place = np.searchsorted(self._up_to[1], rank)
         return float(_find_edges(self.limit, self.peak, np.atleast_1d(place))[0])
 
     def quantile(self, probability: float) -> float:
