@@ -1,5 +1,8 @@
 """Start values from parameter sets and instruments, and back; files of instruments against the FMUs."""
 
+import re
+import subprocess
+import sys
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 from pathlib import Path
@@ -228,6 +231,21 @@ def test_the_picture_has_each_leg_where_its_joints_are(write, tmp_path, capsys):
     names = {text.get_text() for text in figure.axes[1].texts}
     assert names >= {"c1", "c2", "c3", "f1", "f2", "f3", "B", "P"}
     assert write('base = "paper"\n', "--picture", "mine.doc")[0] == 2
+
+
+def test_the_lines_of_the_page_run_and_print_what_it_shows(write, tmp_path, capsys):
+    page = (SYSTEM.parent / "docs" / "instrument.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"```(\w*)\n(.*?)```", page, re.DOTALL)
+    ((_, code),) = [block for block in blocks if "mmwrite" in block[1]]
+    ((_, text),) = [block for block in blocks if "finite_elements]" in block[1]]
+    subprocess.run([sys.executable, "-I", "-c", code], cwd=tmp_path, check=True)
+    printed = ""
+    for source in (text, EXAMPLE.read_text(encoding="utf-8")):
+        assert write(source)[0] == 0
+        printed += capsys.readouterr().out
+    for first in ("payload.finite_elements:", "legs at the nominal pose:"):
+        ((_, shown),) = [block for block in blocks if block[1].startswith(first)]
+        assert shown in printed
 
 
 def test_a_slave_that_cannot_be_imported_is_named(tmp_path):

@@ -129,7 +129,7 @@ def test_what_is_said_of_a_geometry_is_that_of_its_joints(read):
     flat = read(f'base = "paper"\n{"".join(inner)}').warnings
     assert any("close to singular: condition number" in text for text in flat)
     far = read('base = "paper"\n[manipulator]\nfine_legs = { lower = { com_distance = 0.5 } }').warnings
-    assert "fine_legs[1].lower.com_distance: 0.5 m lies outside of the leg, which is 0.37" in far[0]
+    assert "fine_legs[1].lower.com_distance: 0.5 m lies outside of the leg, which is 0.3697 m" in far[0]
 
 
 def test_legs_of_a_stated_length_close_or_are_refused(read):

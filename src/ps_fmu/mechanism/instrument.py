@@ -347,9 +347,9 @@ def _list_inherited(own: Table, whole: Table) -> Iterator[str]:
     """What the file leaves to its base, by the names of ``whole``, which has all: whole tables, then single entries."""
     own = {**own, "payload": dict(own["payload"])} if own.get("payload") else own
     if (payload := own.get("payload", {})).keys() & FLEXIBLE:
-        payload.setdefault("truss_modes", [])
+        payload |= {"truss_modes": [], "modes": []}
     if "finite_elements" in payload:
-        payload |= {name: payload.get(name) for name in ("mass", "com_P", "inertia_P")}
+        payload |= dict.fromkeys(("mass", "com_P", "inertia_P"))
     known = "com_P" in payload  # the isolator has it from there
     yield from (name for name in TABLES if name not in own and not (name == "isolator" and known))
     for name in (name for name in TABLES if name in own and name != "bus"):
