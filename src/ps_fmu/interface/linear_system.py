@@ -17,11 +17,12 @@ from ..actuators.voice_coil import Coils
 from ..control.isolator import Isolator
 from ..control.pointing import PointingLaw
 from ..cosim import System, Value
+from ..cosim.ssp.packing import find_values
 from ..mechanism.linear_model import Plant
 from ..mechanism.parameters import load
 from ..mechanism.quantities import Array, Complex, ParameterError, list_entries, take_values
 from ..mechanism.signals import OUTPUTS
-from ..pointing.modal import StateSpace
+from ..pointing.modal import StateSpace, solve_at
 from ..sensors.inertial import InertialSensors, default_sensors
 from ..sensors.line_of_sight import DEFAULT_TRACKER, Tracker
 from ..theory.line_of_sight import SampledPointing, Timing, close_loop
@@ -76,7 +77,6 @@ LEAST_MOVED = 0.1  # of a pole's real part: a pole that moves by less is one of 
 GAIN_STEP, MOST_GAIN_DB = 10.0**0.2, 12.0  # steps of 4 dB, up to 12 dB either way, are tried for a gain margin
 GAIN_ERROR = 0.01  # of a gain at which a loop becomes unstable
 SMALL_TURN = 0.01  # of a parameter, for the derivative of a pole
-_AT_ONCE = 64  # frequencies
 
 T = TypeVar("T")
 
@@ -111,10 +111,10 @@ class Reserve(NamedTuple):
         return -self.pole.real / abs(self.pole)
 
     def __str__(self) -> str:
-        edge = f"gain margin {self.gain_db:+.1f} dB" if np.isfinite(self.gain_db) else (
-            f"gain margin above {MOST_GAIN_DB:g} dB"
-        )  # fmt: skip
-        return f"least damped pole at {self.frequency_hz:.4g} Hz with damping ratio {self.damping_ratio:.2g}, {edge}"
+        edge = f"{abs(self.gain_db):.1f} dB" if np.isfinite(self.gain_db) else f"more than {MOST_GAIN_DB:g} dB"
+        side = " downwards" if self.gain_db < 0.0 and np.isfinite(self.gain_db) else ""
+        pole = f"{self.frequency_hz:.4g} Hz, damping ratio {self.damping_ratio:.2g}"
+        return f"least damped pole that the isolator moves: {pole}; gain margin: {edge}{side}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,9 +140,7 @@ class SystemModel:
     @cached_property
     def disturbance(self) -> DisturbanceSettings:
         """What the source of disturbances makes.  Raises ``ParameterError`` for an impossible value."""
-        from ..disturbance import default_settings  # here: whether a loop is stable does not depend on it
-
-        return _take(self.system, self.components[SOURCE], default_settings(load()))
+        return read_disturbance(self.system, self.components[SOURCE])
 
     def without_pointing(self) -> SystemModel:
         """The same with the line-of-sight loop off."""
@@ -275,10 +273,8 @@ class Circuit:
         The isolator is cut at its forces, the line-of-sight loop at the errors that the tracker sees.
         """
         m, opened = self.model, self._opened
-        point = np.expm1(s * m.step) / m.step
-        drive, unit = opened.B.astype(complex), np.eye(len(opened.A))
-        parts = np.array_split(point[:, None, None], len(point) // _AT_ONCE + 1)
-        M = np.concatenate([opened.C @ np.linalg.solve(part * unit - opened.A, drive) for part in parts])
+        point: Complex = np.asarray(np.expm1(s * m.step) / m.step)
+        M = solve_at(point, opened.A, opened.B, opened.C)
         M[:, :3] *= np.exp(-s * m.isolator_delay)[:, None, None]
         if self.closed:
             assert m.pointing is not None
@@ -309,6 +305,10 @@ class Circuit:
 
     def advise(self) -> str:
         """What makes an unstable loop stable: no delay, or the parameters that move its rightmost pole most."""
+        return self._advice
+
+    @cached_property
+    def _advice(self) -> str:
         late = [name for name, entry in self.model.turned.items() if name.endswith(".delay") and entry.value]
         without = [name for name in late if not len(self._turn({name: 0.0}).unstable)]
         said = [f"Without {name} ({self._show(name)}) it is stable" for name in without]
@@ -451,6 +451,16 @@ def read_model(system: System, step: float | None = None) -> SystemModel:
         h,
         dict(_list_turned(system, components)),
     )
+
+
+def read_disturbance(system: System, component: str) -> DisturbanceSettings:
+    """What a source of disturbances makes with its start values.  Raises ``ParameterError`` for an impossible value."""
+    from ..disturbance import default_settings  # here: whether a loop is stable does not depend on it
+
+    try:
+        return take_values(default_settings(load()), find_values(system.component(component)))
+    except ParameterError as error:
+        raise ParameterError(f"{component}.{error.name}", error.problem) from None
 
 
 def _list_turned(system: System, components: Mapping[str, str]) -> Iterator[tuple[str, Turned]]:

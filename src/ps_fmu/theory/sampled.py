@@ -38,7 +38,7 @@ from ..mechanism.dynamics import Dynamics
 from ..mechanism.linear_model import PlantModel
 from ..mechanism.quantities import Array, Complex, ParameterError
 from ..mechanism.signals import ADDED, N_LOADS, N_OUTPUTS, OUTPUTS, output_slices
-from ..pointing.modal import StateSpace
+from ..pointing.modal import StateSpace, solve_at
 from ..sensors.inertial import ACCELEROMETERS, InertialSensors
 from .loop import Loop
 from .transfer_matrices import Practical
@@ -49,7 +49,6 @@ ACCELERATION = tuple(f"base_{kind}.{axis}" for kind in ("acceleration", "angular
 LONGEST_DELAY = 40  # steps that a delay line has states for; the time to solve grows with the third power of all states
 ON_STEP = 1e-6  # of a step: by so much a time may differ from a multiple of it
 LOOP_DELAY = 1.5  # steps of delay in the loop: the exchange takes one, a force held for a step is half a step late
-_AT_ONCE = 64  # frequencies: 8 MB with the isolator
 _FORCES, _WRENCH, _ACCELERATION = slice(0, 3), slice(3, N_LOADS), slice(0, 6)  # of the plant's inputs and outputs
 
 
@@ -242,12 +241,8 @@ def from_wrench_stepped(
 def respond(step: Array, n_states: int, z: Complex) -> Complex:
     """Outputs per input (n, outputs, inputs) at z (n,) of a step map ``[y; x](t + h) = step [x; u](t)``."""
     y, x = np.split(step, [len(step) - n_states])
-    found = [
-        (y[:, :n_states] @ np.linalg.solve(at * np.eye(n_states) - x[:, :n_states], x[:, n_states:].astype(complex))
-         + y[:, n_states:]) / at
-        for at in np.array_split(z[:, None, None], len(z) // _AT_ONCE + 1)
-    ]  # fmt: skip
-    return np.concatenate(found)
+    found = solve_at(z, x[:, :n_states], x[:, n_states:], y[:, :n_states]) + y[:, n_states:]
+    return np.asarray(found / z[:, None, None])
 
 
 def from_base_sampled(loop: Loop, s: ArrayLike, h: float) -> Complex:
