@@ -9,14 +9,16 @@ import numpy as np
 import pytest
 from scipy import io, linalg
 from support.claims import verify_claim
-from support.mechanics import PAPER
+from support.mechanics import PAPER, pose_at
 from support.models import Host
 
 from ps_fmu.mechanism.centre import Centre
-from ps_fmu.mechanism.dynamics import rigid_body_mass
+from ps_fmu.mechanism.convection import convective_forces
+from ps_fmu.mechanism.dynamics import FlexibleSystem, rigid_body_mass
 from ps_fmu.mechanism.finite_elements import BoundaryNode, read_matrix, reduce_structure
 from ps_fmu.mechanism.instrument import read_instrument
 from ps_fmu.mechanism.linear_model import Plant
+from ps_fmu.mechanism.modes import PayloadMode, TrussMode
 from ps_fmu.mechanism.quantities import ParameterError, list_entries
 from ps_fmu.mechanism.rotations import skew
 from ps_fmu.mechanism.signals import output_slices
@@ -280,6 +282,21 @@ line_of_sight = {turn.tolist()}
         A, B, C, D = plant.linearise(COARSE).matrices()
         transfers.append(C @ np.linalg.solve(2j * np.pi * 150.0 * np.eye(len(A)) - A, B.astype(complex)) + D)
     np.testing.assert_allclose(transfers[1], transfers[0], rtol=1e-6, atol=1e-12 * np.abs(transfers[0]).max())
+
+
+def test_a_slew_acts_on_a_torsion_as_on_its_masses():
+    """Four masses on a ring that turn about its axis, as one mode with a moment alone: convective forces of both."""
+    places = 0.1 * np.array([[1.0, 0, 0], [0, 1.0, 0], [-1.0, 0, 0], [0, -1.0, 0]]) + [0.02, 0.01, 0.3]  # m
+    ring = [TrussMode(0.3, place, np.cross([0, 0, 1.0], place - [0.02, 0.01, 0.3]), 100.0, 0.01) for place in places]
+    one = PayloadMode(100.0, 0.01, 0.5 * sum(mode.participation_at(np.zeros(3)) for mode in ring), 0.0, 0.0)
+    np.testing.assert_allclose(one.participation_P[:3], 0.0, atol=1e-15)
+    speeds, forces = 0.1 * np.random.default_rng(2).normal(size=9), []
+    for flexible in ({"truss_modes": tuple(ring)}, {"truss_modes": (), "modes": (one,)}):
+        system = FlexibleSystem(PAPER.manipulator, replace(PAPER.payload, **flexible), PAPER.bus)
+        d = system.at(pose_at((3.0, -4.0, 5.0)))
+        forces.append(convective_forces(system, d, speeds)[d.slices["x_t"]])
+    assert np.abs(forces[1]).max() > 1e-5
+    np.testing.assert_allclose(forces[1][0], 0.5 * forces[0].sum(axis=0) / np.sqrt(0.3), atol=1e-12)
 
 
 def test_a_reduced_model_and_other_axes_and_several_nodes_give_the_same_modes():
