@@ -187,7 +187,7 @@ def test_the_example(read, tmp_path):
     shutil.copy(EXAMPLE, tmp_path)
     found = read_instrument(tmp_path / EXAMPLE.name)
     assert (found.parameters.payload.mass, found.parameters.bus.mass) == (6.5, 85.0)
-    assert [mode.frequency for mode in found.parameters.bus.modes] == [2.1, 4.8, 2.15, 4.9]
+    assert [mode.frequency for mode in found.parameters.bus.modes] == [0.8, 1.9, 0.82, 1.95]
     assert [mode.frequency for mode in found.parameters.payload.modes] == [142.0, 151.0, 236.0]
     assert found.parameters.payload.truss_modes == ()
     assert "payload.truss_modes" not in found.inherited
