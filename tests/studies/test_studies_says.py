@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -13,6 +12,7 @@ from support.claims import verify_claim
 from ps_fmu.pointing.confidence import quantile
 from ps_fmu.pointing.interpretation import Interpretation
 from ps_fmu.requirements.quantity import Names
+from ps_fmu.results.tables import format_tables
 from ps_fmu.studies.conclusion import list_notes, make_tables
 from ps_fmu.studies.factors import Factor, Spread
 from ps_fmu.studies.outcome import (
@@ -26,7 +26,6 @@ from ps_fmu.studies.outcome import (
 )
 from ps_fmu.studies.plan import Plan, make_shares
 from ps_fmu.studies.study import Vary
-from ps_fmu.studies.sweep import SweepOptions
 
 OUTPUT = Output("active.toy.error.x.APE.rms", "rad")
 
@@ -128,8 +127,7 @@ def test_intervals_of_the_probability_hold_the_true_one_as_often_as_they_say(mak
 
 def state_all(outcome):
     """What the terminal says of an outcome: all tables and notes."""
-    options = SweepOptions(Path("s.toml"), Path("out"))
-    return "\n".join([*(f"{t.caption}\n{t.to_text()}" for t in make_tables(outcome, options)), *list_notes(outcome)])
+    return " ".join(format_tables(make_tables(outcome), list_notes(outcome), 1000).split())
 
 
 def test_a_sample_has_probabilities_and_a_verdict_over_all_cases(required):
