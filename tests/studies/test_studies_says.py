@@ -11,7 +11,7 @@ from support.claims import verify_claim
 
 from ps_fmu.pointing.confidence import quantile
 from ps_fmu.pointing.interpretation import Interpretation
-from ps_fmu.requirements.quantity import Names
+from ps_fmu.requirements.quantity import Names, Quantity
 from ps_fmu.results.tables import format_tables
 from ps_fmu.studies.conclusion import list_notes, make_tables
 from ps_fmu.studies.factors import Factor, Spread
@@ -202,3 +202,18 @@ def test_seeds_that_all_cases_have_are_found(make_prepared):
     assert make_prepared(changes={'[[vary]]\nparameter = "gain"': own}).plan.shared_seeds == ("toy.seed",)
     varied = '[[vary]]\nparameter = "toy.seed"\nvalues = [1, 2]\n[[observe]]'
     assert make_prepared(changes={"[[observe]]": varied}).plan.shared_seeds == ()
+
+
+@pytest.mark.parametrize(
+    ("given", "unit", "shown", "factor"),
+    [
+        ({"distribution": "uniform", "low": Quantity(0.0, "rpm"), "high": Quantity(3000.0, "rpm")}, "rad/s", "rpm",
+         30.0 / math.pi),
+        ({"values": ["0 ms", "1 ms"]}, "s", "ms", 1e3),
+        ({"distribution": "normal", "relative": Quantity(2.0, "%")}, "kg", "kg", 1.0),
+        ({"values": [True, False]}, "1", "1", 1.0),
+    ],
+)  # fmt: skip
+def test_parameters_are_shown_in_the_unit_that_the_study_states(given, unit, shown, factor):
+    vary = Vary(parameter=Names(("a.b",)), **given)
+    assert Factor(vary, unit, ("a.b",), (1.0,), (), None).shown == (shown, pytest.approx(factor))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -136,6 +137,17 @@ class Factor:
     def name(self) -> str:
         """As the study calls it."""
         return self.vary.name
+
+    @property
+    def shown(self) -> tuple[str, float]:
+        """The unit in which the study states its values, and the factor into it from that of the draws."""
+        given = [number for key, number in self.vary.numbers.items() if key != "relative"]
+        with suppress(ValueError):
+            given += [parse_quantity(value) for value in self.vary.values[:1]]
+        for unit in (number.unit for number in given if number.unit):
+            with suppress(ValueError):
+                return unit, 1.0 / Quantity(1.0, unit).to(self.unit)
+        return self.unit, 1.0
 
     def draw(self, share: Array) -> Array:
         """Draws (n,) for shares (n,) between 0 and 1; levels have equal shares."""
