@@ -172,7 +172,7 @@ def _build(options: argparse.Namespace) -> int:
     try:
         if options.script is not None:
             if options.only or options.fmus is not None:
-                raise BuildError("a script and --only or --fmus exclude each other")
+                raise BuildError("expected either a script, or --only and --fmus")
             _print_fmu(*build_script(options.script, options.files, options.output or Path(), **python))
             return EXIT_OK
         for folder in find_folders(options.fmus or find_product().fmus, options.only):
@@ -262,7 +262,7 @@ def _crosscheck(options: argparse.Namespace) -> int:
     failed = False
     try:
         if options.write and options.references is None and not find_product().in_checkout:
-            raise BuildError("--write: say with --references where to write")
+            raise BuildError("--write: name the folder to write into with --references")
         references = crosscheck.find_references(options.references or find_product().fmus)
         fmus = options.fmus or find_built_folder()
         if options.fmus is None:

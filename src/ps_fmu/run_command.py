@@ -160,8 +160,8 @@ def read_resumed(arguments: argparse.Namespace, defaults: argparse.Namespace) ->
     given = vars(arguments) | {"resume": None, "figures": True}
     if others := [name for name, value in given.items() if name in defaults and value != getattr(defaults, name)]:
         raise OptionError(
-            "--resume: the run goes on with the options that it has, so that "
-            f"{name_option(others[0])} cannot be given: to change something, begin a run --from its checkpoint"
+            "--resume: a resumed run keeps its options, and "
+            f"{name_option(others[0])} is refused. To change an option, begin a run --from its checkpoint"
         )
     options = read_run(claim_folder(arguments.resume.absolute()))
     return options if arguments.figures else replace(options, figures=False)

@@ -74,7 +74,7 @@ def run(arguments: argparse.Namespace) -> int:
             if not 0.0 < limit < math.inf:
                 raise StudyError(f"--scheduler-timeout: expected a time above 0 s, got {limit:g}")
             if arguments.scheduler is None:
-                raise StudyError("--scheduler-timeout: is for a study with --scheduler ADDRESS")
+                raise StudyError("--scheduler-timeout: only a study with --scheduler ADDRESS takes it")
         if arguments.case is not None:
             given = {"--resume": arguments.resume, "--workers": arguments.workers, "--scheduler": arguments.scheduler}
             for name in (name for name, value in given.items() if value):

@@ -204,7 +204,7 @@ def _find_variables(
     variables = []
     for name in targets:
         if name in why_not:
-            raise vary.error("parameter", f"{name} {why_not[name]}: nothing can be set")
+            raise vary.error("parameter", f"{name} {why_not[name]}: a start value would have no effect")
         component, variable = system.structure.find_port(name)
         variables.append(index_variables(system.descriptions[component])[variable])
         if branch is not None and branch.keeps(name, system.descriptions):
