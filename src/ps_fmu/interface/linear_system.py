@@ -418,8 +418,8 @@ def read_model(system: System, step: float | None = None) -> SystemModel:
     components = {component.source.stem: component.name for component in system.components}
     for fmu in components:
         if fmu not in KNOWN:
-            missing = f"the linear model does not include the FMU {fmu}; it includes {', '.join(KNOWN)}"
-            raise LinearModelError(f"{components[fmu]}: {missing}")
+            unknown = f"the linear model does not include the FMU {fmu}; it includes {', '.join(KNOWN)}"
+            raise LinearModelError(f"{components[fmu]}: {unknown}")
     if len(components) < len(system.components):
         names = [component.source.stem for component in system.components]
         twice = next(fmu for fmu in names if names.count(fmu) > 1)
