@@ -71,8 +71,9 @@ def tabulate_cases(outcome: Outcome, command: tuple[str, str]) -> CaseTable | No
     if not shown:
         return None
     parameters = [
-        CaseColumn(factor.name, factor.unit, draws, [level for level in factor.levels if isinstance(level, str)])
+        CaseColumn(factor.name, unit, scale * draws, [level for level in factor.levels if isinstance(level, str)])
         for factor, draws in zip(outcome.plan.factors, outcome.plan.draws.T, strict=True)
+        for unit, scale in [factor.shown]
     ]
     metrics = [
         CaseColumn(
@@ -355,16 +356,20 @@ def describe_parameters(outcome: Outcome) -> dict[str, object]:
     """What the page says of the plan."""
     found: dict[str, object] = {}
     for factor in outcome.plan.factors:
-        spread = factor.spread
+        spread, (unit, scale) = factor.spread, factor.shown
         if spread is None:
-            text = ", ".join(map(str, factor.levels[:10])) + (" ..." if len(factor.levels) > 10 else "")
-        elif spread.sigma:
-            text = f"normal, mean {spread.mean:g}, sigma {spread.sigma:g}"
-            if math.isfinite(spread.low) or math.isfinite(spread.high):
-                text += f", from {spread.low:g} to {spread.high:g}"
+            shown = [f"{scale * x:.9g}" if isinstance(x, float) else str(x) for x in factor.levels[:10]]
+            text = ", ".join(shown) + (" ..." if len(factor.levels) > 10 else "")
         else:
-            text = f"uniform, from {spread.low:g} to {spread.high:g}"
-        found[factor.name] = f"{text} {factor.unit}; sets {', '.join(factor.targets)}"
+            text = f"from {scale * spread.low:g} to {scale * spread.high:g}"
+            if spread.sigma:
+                limits = f", {text}" if math.isfinite(spread.low) or math.isfinite(spread.high) else ""
+                text = f"normal, mean {scale * spread.mean:g}, sigma {scale * spread.sigma:g}{limits}"
+            else:
+                text = f"uniform, {text}"
+            if spread.multiple_of:
+                text += f", multiples of {scale * spread.multiple_of:g}"
+        found[factor.name] = f"{text} {unit}; sets {', '.join(factor.targets)}"
     return found
 
 
