@@ -111,10 +111,10 @@ class Reserve(NamedTuple):
         return -self.pole.real / abs(self.pole)
 
     def __str__(self) -> str:
-        edge = f"gain margin {self.gain_db:+.1f} dB" if np.isfinite(self.gain_db) else (
-            f"gain margin above {MOST_GAIN_DB:g} dB"
-        )  # fmt: skip
-        return f"least damped pole at {self.frequency_hz:.4g} Hz with damping ratio {self.damping_ratio:.2g}, {edge}"
+        edge = f"{abs(self.gain_db):.1f} dB" if np.isfinite(self.gain_db) else f"more than {MOST_GAIN_DB:g} dB"
+        side = " downwards" if self.gain_db < 0.0 and np.isfinite(self.gain_db) else ""
+        pole = f"{self.frequency_hz:.4g} Hz, damping ratio {self.damping_ratio:.2g}"
+        return f"least damped pole that the isolator moves: {pole}; gain margin: {edge}{side}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -305,6 +305,10 @@ class Circuit:
 
     def advise(self) -> str:
         """What makes an unstable loop stable: no delay, or the parameters that move its rightmost pole most."""
+        return self._advice
+
+    @cached_property
+    def _advice(self) -> str:
         late = [name for name, entry in self.model.turned.items() if name.endswith(".delay") and entry.value]
         without = [name for name in late if not len(self._turn({name: 0.0}).unstable)]
         said = [f"Without {name} ({self._show(name)}) it is stable" for name in without]
