@@ -56,8 +56,8 @@ def main(path):
 
     def paint(figure):
         for axes, (name, (plain, faulty)) in zip(figure.subplots(len(found), 1), found.items(), strict=True):
-            axes.semilogy(plain[0], plain[1] * 1e6, color=ACTIVE, lw=0.9, label="healthy")
-            axes.semilogy(faulty[0], faulty[1] * 1e6, color=PASSIVE, lw=0.9, label="with the fault")
+            axes.semilogy(faulty[0], faulty[1] * 1e6, color=PASSIVE, lw=1.2, label="with the fault")
+            axes.semilogy(plain[0], plain[1] * 1e6, color=ACTIVE, lw=0.8, label="without")
             shade(axes, {(fault.from_s, fault.until_s) for fault in faulty[2]})
             axes.set_title(f"{name}.json", loc="left")
             axes.set_ylim(1e-2, None)

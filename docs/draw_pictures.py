@@ -14,13 +14,15 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE))  # the package beside this file
 
-from pictures.mechanism import draw_mechanism  # noqa: E402
+from pictures.mechanism import draw_host_frames, draw_mechanism  # noqa: E402
+from pictures.packages import draw_packages  # noqa: E402
 from pictures.quantities import draw_frequencies, draw_verdict, draw_windows  # noqa: E402
 from pictures.signals import draw_instrument_flow, draw_loop  # noqa: E402
-from pictures.steps import draw_step_time, draw_workflow  # noqa: E402
+from pictures.steps import draw_step, draw_step_time, draw_workflow  # noqa: E402
 
 PICTURES = {
     "mechanism": draw_mechanism,
+    "host_frames": draw_host_frames,
     "loop": draw_loop,
     "instrument_flow": draw_instrument_flow,
     "frequencies": draw_frequencies,
@@ -28,6 +30,8 @@ PICTURES = {
     "verdict": draw_verdict,
     "workflow": draw_workflow,
     "step_time": draw_step_time,
+    "step": draw_step,
+    "packages": draw_packages,
 }
 
 

@@ -1,12 +1,15 @@
 """The documents: links lead somewhere, commands exist, the drawing draws."""
 
 import re
+from itertools import combinations
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
-from support.browser import find_browser
+from support.browser import INSTALL, Browser, find_browser
 from support.models import load_script
 
+from ps_fmu.cli import main
 from ps_fmu.slavekit.pack.sources import _DATA
 
 ROOT = Path(__file__).parents[1]
@@ -60,11 +63,44 @@ def script(name):
     return load_script(ROOT / "docs" / f"{name}.py")
 
 
-@pytest.mark.parametrize("suffix", [".svg", ".png"])
-@pytest.mark.parametrize("name", ["loop", "step"])
-def test_the_diagrams_are_drawn(tmp_path, name, suffix):
-    script(f"draw_{name}").draw(tmp_path / f"{name}{suffix}")
-    assert (tmp_path / f"{name}{suffix}").stat().st_size > 10_000
+PICTURES = script("draw_pictures").PICTURES
+
+
+@pytest.mark.parametrize("name", PICTURES)
+def test_pictures_are_those_of_the_program_of_today(name):
+    """Drawn from parameters, .ssd files, imports and a run; with a title and a description for screen readers."""
+    drawn = PICTURES[name]().render()
+    assert drawn == (ROOT / "docs" / f"{name}.svg").read_text(encoding="utf-8"), (
+        f"python docs/draw_pictures.py {name} draws it again"
+    )
+    root = ElementTree.fromstring(drawn)
+    assert all(len(root.findtext(f"{{*}}{kind}")) > 10 for kind in ("title", "desc"))
+    for command in re.findall(r">ps-fmu (\w+)", drawn):
+        assert main([command, "--help"]) == 0
+
+
+@pytest.mark.skipif(find_browser() is None, reason=f"Chromium is not installed: {INSTALL}")
+def test_texts_of_pictures_lie_within_them_apart_and_follow_the_colours_of_the_reader():
+    with Browser() as browser:
+        for name in PICTURES:
+            browser.open(ROOT / "docs" / f"{name}.svg")
+            size, texts = browser.evaluate(
+                "[document.documentElement.viewBox.baseVal, [...document.querySelectorAll('text')]]"
+                ".map(found => 'x' in found ? [found.width, found.height] : found.map(text => {"
+                " const b = text.getBBox(); return [b.x, b.y, b.x + b.width, b.y + b.height, text.textContent]; }))"
+            )
+            assert [text for x, y, *end, text in texts if min(x, y) < 0 or end[0] > size[0] or end[1] > size[1]] == []
+            across = [
+                (name, one[4], other[4]) for one, other in combinations(texts, 2)
+                if min(one[2], other[2]) > max(one[0], other[0]) + 1.0  # px
+                and min(one[3], other[3]) > max(one[1], other[1]) + 3.0  # px: lines of a text touch
+            ]  # fmt: skip
+            assert across == []
+        paper = []
+        for scheme in ("light", "dark"):
+            browser.prefer(scheme)
+            paper.append(browser.evaluate("getComputedStyle(document.querySelector('.f-paper')).fill"))
+        assert paper == ["rgb(255, 255, 255)", "rgb(20, 24, 30)"]
 
 
 def test_the_study_of_the_schemes_is_drawn(tmp_path):
@@ -82,12 +118,8 @@ def test_the_study_of_the_schemes_is_drawn(tmp_path):
         assert [made[1], made[3].removesuffix(" |")] == [there[1], there[3]], "errors with the longest step"
 
 
-def test_the_architecture_is_that_of_today(tmp_path):
-    """The picture is drawn from the imports; each room has a row of the table."""
-    drawing = script("draw_rooms")
-    drawing.draw(tmp_path / "rooms.svg")
-    assert (tmp_path / "rooms.svg").read_bytes() == (ROOT / "docs" / "rooms.svg").read_bytes(), (
-        "python docs/draw_rooms.py draws it again"
-    )
+def test_the_architecture_names_each_package():
     text = (ROOT / "docs" / "developers" / "architecture.md").read_text(encoding="utf-8")
-    assert [room for room in drawing.list_rooms()[1:] if f"`{room}`" not in text] == []
+    packages = [path.parent.name for path in (ROOT / "src" / "ps_fmu").glob("*/__init__.py")]
+    assert len(packages) > 15
+    assert [name for name in packages if f"`{name}`" not in text] == []

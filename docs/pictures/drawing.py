@@ -16,7 +16,7 @@ WIDTH = 700.0  # px: of a page of the documentation
 
 # For a light and for a dark page.  Contrast of texts with the paper: 4.5 and more.
 COLOURS = {
-    "paper": ("#ffffff", "#15181c"),
+    "paper": ("#ffffff", "#14181e"),
     "ink": ("#222222", "#e6e6e6"),
     "soft": ("#555555", "#a9b0b8"),
     "grid": ("#d8dbdf", "#3a4149"),

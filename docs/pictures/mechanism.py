@@ -7,7 +7,9 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from ps_fmu.mechanism.mounted import LockedMass
 from ps_fmu.mechanism.parameters import Manipulator, Parameters, load
+from ps_fmu.theory.loop import loop_at
 
 from .drawing import Drawing, Point
 
@@ -195,3 +197,64 @@ def _draw_legend(drawing: Drawing) -> None:
     drawing.text(504, 660, "mass of the truss modes", anchor="start")
     drawing.disc((490, 690), 4.0, "soft")
     drawing.text(504, 690, "mass of an array mode", anchor="start")
+
+
+def draw_host_frames() -> Drawing:
+    """Frames of a mechanism on a host's spacecraft, and what host and plant exchange."""
+    parameters = load()
+    locked = LockedMass.of(loop_at(parameters).model.dynamics)
+    drawing = Drawing(
+        "The mechanism on the spacecraft of a host simulator",
+        "The host moves the hub, whose body frame is H. The base B of the mechanism has a place and an orientation in "
+        "H. The host gives the motion of B to the plant FMU. The plant gives back force and torque on the hub at the "
+        f"origin of B, and the locked mass of legs and payload, {locked.mass:.1f} kg, which the host adds to its hub. "
+        f"Its centre of mass, locked_com, lies {locked.com_B[2]:.2f} m above the origin of B.",
+        500.0,
+    )
+    # The hub, with B on a face that is turned about the axis towards the reader.
+    hub, base, turn, scale = (160.0, 390.0), (262.0, 300.0), math.radians(-20.0), 260.0  # px, px; of B in H; px per m
+    drawing.area([(50, 285), (221, 285), (303, 315), (303, 480), (50, 480)], "raised", "soft")
+
+    def place(y: float, z: float) -> Point:
+        """px of a point in B, m."""
+        return (
+            base[0] + scale * (y * math.cos(turn) - z * math.sin(turn)),
+            base[1] - scale * (y * math.sin(turn) + z * math.cos(turn)),
+        )
+
+    height = float(parameters.manipulator.nominal_translation_B[2])
+    for foot, head, kind in ((-0.16, -0.1, FINE), (-0.08, -0.02, COARSE), (0.08, 0.02, COARSE), (0.16, 0.1, FINE)):
+        drawing.line([place(foot, 0.0), place(head, height)], kind, 3.5 if kind == COARSE else 2.5)
+    corners = [place(-0.13, height), place(0.13, height), place(0.13, height + 0.38), place(-0.13, height + 0.38)]
+    drawing.area(corners, "raised", "soft")
+    for origin, tips, name, shift in (
+        (hub, ((hub[0] + 75, hub[1]), (hub[0], hub[1] - 75)), "H", (-16, 12)),
+        (base, (place(0.27, 0.0), place(0.0, 0.22)), "B", (4, 18)),
+        (place(0.0, height), (place(0.27, height), place(0.0, height + 0.5)), "P", (12, 20)),
+    ):
+        for tip in tips:
+            drawing.line([origin, tip], FRAME, 2.2, ends=">")
+        drawing.text(origin[0] + shift[0], origin[1] + shift[1], name, FRAME, bold=True, halo=True)
+    drawing.line([hub, base], "ink", 1.5, dash="5 4", ends=">")
+    drawing.text(hub[0] + 52, hub[1] - 18, "mounting", anchor="start", halo=True)
+    drawing.text(place(0.0, height + 0.5)[0], place(0.0, height + 0.5)[1] - 16, "boresight", FRAME)
+    mark = place(float(locked.com_B[1]), float(locked.com_B[2]))
+    drawing.line([mark, (190, mark[1])], "ink", 1.0)
+    drawing.mark_mass(mark)
+    drawing.text(184, mark[1], "locked_com", anchor="end")
+    drawing.text(70, 460, "hub of the host", "soft", anchor="start")
+    drawing.box(480, 60, 200, 66, "pale-blue", "ink")
+    drawing.text(580, 82, "ManipulatorPlant", bold=True)
+    drawing.text(580, 104, "base = prescribed", size=14)
+    drawing.box(480, 400, 200, 66, "raised", "ink")
+    drawing.text(580, 422, "host simulator", bold=True)
+    drawing.text(580, 444, "hub, wheels, control", size=14)
+    drawing.line([(510, 400), (510, 126)], "orange", 2.2, ends=">")
+    drawing.text(
+        500, 330, "acceleration,\nangular acceleration,\nangular velocity of B", "orange", anchor="end", size=14
+    )
+    drawing.line([(650, 126), (650, 400)], "blue", 2.2, ends=">")
+    drawing.text(
+        640, 180, "bus_force\nbus_torque\nlocked_mass\nlocked_com\nlocked_inertia", "blue", anchor="end", size=14
+    )
+    return drawing

@@ -93,7 +93,7 @@ def _list_groups() -> dict[str, list[Row]]:
     sensors = default_sensors().accelerometer.bandwidth  # Hz
     driver = Coils.from_parameters(parameters).driver.bandwidth  # Hz
     isolators = {"SystemStructure": filters.highpass_frequency}  # Hz
-    isolators |= {name: read_parameter(name, "filters.highpass_frequency") for name in ("LineOfSight", "Instrument")}
+    isolators |= {name: read_parameter(name, "filters.highpass_frequency") for name in ("FullInstrument", "Instrument")}
     return {
         "Disturbances": [
             Row(f"noise of the bus, {_span(noise)}", *noise, "purple", side="left"),

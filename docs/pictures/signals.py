@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -40,25 +40,24 @@ class Route(NamedTuple):
     """How the signals of one component get to another: corners [px], start of the names [px], colour."""
 
     points: Sequence[Point]
-    names: Point
+    names: Point | None
+    """None: a branch of signals that have their names already."""
     colour: str
     anchor: str = "start"
 
 
-def read_wires(names: Iterable[str]) -> tuple[dict[str, str], Wires]:
-    """Components with their FMUs, and names of signals by the components that they join, of .ssd files together."""
-    fmus: dict[str, str] = {}
+def read_wires(system: str) -> tuple[dict[str, str], Wires]:
+    """Components of an .ssd file with their FMUs, and names of signals by the components that they join."""
+    root = ET.parse(SYSTEMS / f"{system}.ssd").getroot()
+    fmus = {part.get("name"): Path(part.get("source")).stem for part in root.iter(f"{SSD}Component")}
     wires: Wires = {}
-    for name in names:
-        root = ET.parse(SYSTEMS / f"{name}.ssd").getroot()
-        fmus |= {part.get("name"): Path(part.get("source")).stem for part in root.iter(f"{SSD}Component")}
-        for wire in root.iter(f"{SSD}Connection"):
-            signals = wires.setdefault((wire.get("startElement"), wire.get("endElement")), [])
-            # Both FMUs call it the same, or the name at the end says where it comes in beside another.
-            port = wire.get("endConnector" if wire.get("endConnector").startswith("added") else "startConnector")
-            signal = re.sub(r"(\.\w+|_\d)$", "", port)
-            if signal not in signals:
-                signals.append(signal)
+    for wire in root.iter(f"{SSD}Connection"):
+        signals = wires.setdefault((wire.get("startElement"), wire.get("endElement")), [])
+        # Both FMUs call it the same, or the name at the end says where it comes in beside another.
+        port = wire.get("endConnector" if wire.get("endConnector").startswith("added") else "startConnector")
+        signal = re.sub(r"(\.\w+|_\d)$", "", port)
+        if signal not in signals:
+            signals.append(signal)
     return fmus, wires
 
 
@@ -87,7 +86,8 @@ def _draw_system(
         raise ValueError(f"not in the picture: {set(fmus) ^ set(parts)} {set(wires) ^ set(routes)}")
     for key, route in routes.items():
         drawing.line(route.points, route.colour, 2.2, ends=">")
-        drawing.text(*route.names, "\n".join(wires[key]), route.colour, anchor=route.anchor, size=14, halo=True)
+        if route.names:
+            drawing.text(*route.names, "\n".join(wires[key]), route.colour, anchor=route.anchor, size=14, halo=True)
     for name, part in parts.items():
         drawing.box(part.x, part.y, part.width, part.height, part.fill, "ink")
         middle, centre = part.x + part.width / 2, part.y + part.height / 2
@@ -113,7 +113,7 @@ def draw_loop() -> Drawing:
         "Rotation of the payload and line of sight are the results that are judged.",
         455.0,
     )
-    fmus, wires = read_wires(["SystemStructure"])
+    fmus, wires = read_wires("SystemStructure")
     parts = {
         "disturbance": Part(20, 30, 200, 66, "noise, wheels, sines,\nrecorded forces", "pale-purple"),
         "commander": Part(20, 150, 200, 66, "target orientation to\nlengths of coarse legs", "pale-blue"),
@@ -135,42 +135,38 @@ def draw_loop() -> Drawing:
 
 
 def draw_instrument_flow() -> Drawing:
-    """All eight FMUs, from Instrument.ssd and LineOfSight.ssd."""
+    """The eight FMUs of FullInstrument.ssd."""
     drawing = Drawing(
         "The whole instrument: eight FMUs and the signals between them",
         "Accelerometers measure the base for the isolator, whose forces the voice coils make. A tracker measures the "
-        "error of the line of sight for the controller of the loop. Disturbance and commander act on the plant.",
+        "error of the line of sight for the controller of the loop, whose forces the voice coils add. Disturbance and "
+        "commander act on the plant.",
         640.0,
     )
-    fmus, wires = read_wires(["Instrument"])
-    loop_fmus, loop_wires = read_wires(["LineOfSight"])
-    fmus |= loop_fmus
-    wires |= {ends: names for ends, names in loop_wires.items() if {"tracker", "pointing"} & set(ends)}
+    fmus, wires = read_wires("FullInstrument")
     parts = {
         "commander": Part(20, 20, 190, 66, "target to lengths\nof coarse legs", "pale-blue"),
         "disturbance": Part(370, 20, 190, 66, "noise, wheels, sines,\nrecorded forces", "pale-purple"),
-        "plant": Part(20, 145, 640, 62, "bus with arrays, six legs, payload, line of sight", "raised"),
+        "plant": Part(15, 145, 665, 62, "bus with arrays, six legs, payload, line of sight", "raised"),
         "coils": Part(15, 318, 170, 66, "currents, limits,\nend stops", "pale-blue"),
         "sensors": Part(250, 318, 190, 66, "accelerometers\non the base", "pale-orange"),
-        "tracker": Part(500, 318, 170, 66, "error of the\nline of sight", "pale-green"),
+        "tracker": Part(500, 318, 180, 66, "error of the\nline of sight", "pale-green"),
         "isolator": Part(250, 478, 190, 66, "base acceleration to\nforces of fine legs", "pale-blue"),
-        "pointing": Part(500, 478, 170, 66, "error to forces\nof fine legs", "pale-blue"),
+        "pointing": Part(500, 478, 180, 66, "error to forces\nof fine legs", "pale-blue"),
     }
     routes = {
         ("commander", "plant"): Route([(115, 86), (115, 145)], (125, 112), FORCE),
         ("disturbance", "plant"): Route([(465, 86), (465, 145)], (475, 104), DISTURBANCE),
         ("plant", "sensors"): Route([(272, 207), (272, 318)], (280, 240), MEASURED),
         ("sensors", "isolator"): Route([(385, 384), (385, 478)], (377, 412), MEASURED, "end"),
-        ("isolator", "coils"): Route([(250, 511), (70, 511), (70, 384)], (80, 493), FORCE),
+        ("isolator", "coils"): Route([(250, 511), (110, 511), (110, 384)], (120, 497), FORCE),
         ("coils", "plant"): Route([(40, 318), (40, 207)], (48, 290), FORCE),
         ("plant", "coils"): Route([(127, 207), (127, 318)], (135, 240), MEASURED),
         ("plant", "tracker"): Route([(520, 207), (520, 318)], (528, 240), SIGHT),
         ("tracker", "pointing"): Route([(520, 384), (520, 478)], (528, 420), SIGHT),
-        ("pointing", "plant"): Route(
-            [(585, 544), (585, 566), (685, 566), (685, 176), (660, 176)], (577, 566), FORCE, "end"
-        ),
+        ("pointing", "coils"): Route([(585, 544), (585, 570), (50, 570), (50, 384)], (120, 557), FORCE),
         ("plant", "isolator"): Route([(476, 207), (476, 511), (440, 511)], (468, 456), MEASURED, "end"),
-        ("plant", "pointing"): Route([(476, 511), (500, 511)], (468, 456), MEASURED, "end"),
+        ("plant", "pointing"): Route([(476, 511), (500, 511)], None, MEASURED),
     }
     _draw_system(drawing, fmus, wires, parts, routes)
     _draw_legend(drawing, 604)

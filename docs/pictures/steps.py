@@ -127,3 +127,36 @@ def draw_step_time() -> Drawing:
     drawing.line([(410, 568), (446, 568)], "soft", 1.5, dash="4 4")
     drawing.text(456, 568, "without delay", anchor="start")
     return drawing
+
+
+def draw_step() -> Drawing:
+    """What makes a step of an FMU: the launcher for most steps, Python for the rest."""
+    drawing = Drawing(
+        "How an FMU of ps_fmu makes a step",
+        "The host calls the launcher. The launcher makes most steps by itself on the memory of the instance. It calls "
+        "the slave in Python at the first step, at events, at another step size, and at the end of a table.",
+        470.0,
+    )
+    memory = (
+        "buffer [y | x | u | a | events | parameters | memory]\nmatrix M, table of rows, limits\n"
+        "expected time and step size, is an event due?"
+    )
+    for x, y, width, height, fill, title, text in (
+        (20, 40, 150, 150, "raised", "host", "fmi2SetReal\nfmi2DoStep\nfmi2GetReal"),
+        (245, 40, 210, 150, "pale-blue", "launcher, compiled", "[y; x] = M [x; u; a; r]\nor the next row,\nlimits"),
+        (530, 40, 150, 150, "pale-orange", "slave, Python", "event()\nstep_map(h)\nrows()"),
+        (245, 300, 435, 130, "raised", "memory of the instance", memory),
+    ):  # fmt: skip
+        drawing.box(x, y, width, height, fill, "ink")
+        drawing.text(x + width / 2, y + 24, title, bold=True)
+        drawing.text(x + width / 2, y + 62, text, size=14)
+    drawing.line([(170, 100), (245, 100)], "blue", 2.2, ends=">")
+    drawing.text(207, 70, "each\ncall", "blue", size=14)
+    drawing.line([(455, 100), (530, 100)], "orange", 2.2, ends=">")
+    drawing.text(492, 84, "rarely", "orange", size=14)
+    drawing.line([(300, 190), (300, 300)], "blue", 2.2, ends="<>")
+    drawing.text(290, 226, "0.1 to 0.2 \N{MICRO SIGN}s per step,\nwithout Python's lock", "blue", anchor="end", size=14)
+    drawing.line([(650, 190), (650, 300)], "orange", 2.2, ends="<>")
+    rare = "first step, event,\nanother step size,\nend of a table,\nrefused values"
+    drawing.text(640, 216, rare, "orange", anchor="end", size=14)
+    return drawing

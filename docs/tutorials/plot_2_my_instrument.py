@@ -2,67 +2,75 @@
 My instrument, from nothing to verdict, budget, study and own controller
 ========================================================================
 
-A telescope of 6.5 kg is to point from a satellite of 85 kg, which has a solar array and a cooler.
-Does it blur its exposures? Which noise decides? What if the stiffness is not what I think? And is
-my own controller better? You type four small files and eight commands.
+A telescope of 6.5 kg is to point from a satellite of 85 kg with a solar array and a cooler. Is it
+steady enough? Which disturbance decides? What if the legs are softer than planned, or the
+electronics late? Is a controller of one's own better? You type three files and ten commands, less
+than sixty lines.
 """
 
 # %%
-# Describe the instrument
-# -----------------------
-#
-# One TOML file states what differs from the published instrument; units are SI. B is the frame of
-# the base on the satellite, P that of the payload platform. The satellite is free: it has no
-# attitude control.
+# Two functions stand for the editor and the terminal. You need neither.
 
-import os
 import shlex
+import shutil
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
 
-folder = tempfile.TemporaryDirectory()
-os.chdir(folder.name)
+FOLDER = Path(tempfile.mkdtemp())
 
-Path("telescope.toml").write_text("""
+
+def write(name, text):
+    """Write a file, or add to it."""
+    with (FOLDER / name).open("a") as file:
+        file.write(text)
+
+
+def run(command, lines=None):
+    """Type a command into a terminal; show what it prints, or the first lines of that."""
+    program, *words = shlex.split(command)
+    path = Path(sys.executable).with_name(program)
+    done = subprocess.run([path, *words], cwd=FOLDER, capture_output=True, text=True)
+    printed = (done.stdout or done.stderr).replace(f"{FOLDER}/", "").splitlines()
+    rest = ["..."] if printed[lines or len(printed) :] else []
+    print("\n".join([f"$ {command}", *printed[:lines], *rest]))
+
+
+# %%
+# Describe the instrument
+# -----------------------
+#
+# One TOML file states what differs from the published instrument, in SI units. B is the frame of
+# the base on the satellite, P that of the payload platform.
+
+write(
+    "telescope.toml",
+    """
 base = "paper"
-[manipulator]
-scale = 0.5                                      # half the size
-fine_legs = { stiffness = 8.0e3, damping = 60.0 }  # N/m, N.s/m
+manipulator = { scale = 0.5, fine_legs = { stiffness = 8000.0, damping = 60.0 } }  # N/m, N.s/m
 [payload]
-mass = 6.5                                       # kg
-com_P = [0.0, 0.0, 0.08]                         # m
+mass = 6.5                                           # kg
+com_P = [0.0, 0.0, 0.08]                             # m
 inertia_P = [[0.09, 0.0, 0.0], [0.0, 0.09, 0.0], [0.0, 0.0, 0.05]]  # kg.m2
-truss_modes = []
+truss_modes = []                                     # stiff
 [bus]
-mass = 85.0                                      # kg, the array included
-com_B = [0.0, 0.0, -0.35]                        # m
+mass = 85.0                                          # kg, with the array
+com_B = [0.0, 0.0, -0.35]                            # m
 inertia_B = [[14.0, 0.0, 0.0], [0.0, 9.0, 0.0], [0.0, 0.0, 16.0]]   # kg.m2
-[[bus.appendage]]                                # the solar array on its hinge
-mass = 4.0                                       # kg
-com_B = [0.0, 0.9, -0.35]                        # m
+[[bus.appendage]]                                    # solar array on a hinge
+mass = 4.0                                           # kg
+com_B = [0.0, 0.9, -0.35]                            # m
 inertia_B = [[0.35, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.45]]   # kg.m2
-hinge_B = [0.0, 0.35, -0.35]                     # m
+hinge_B = [0.0, 0.35, -0.35]                         # m
 axis_B = [1.0, 0.0, 0.0]
-frequency = 1.3                                  # Hz
+frequency = 1.3                                      # Hz
 damping_ratio = 0.005
 [start.disturbance]
-noise.scale = 0.0003                             # of the noise of a large spacecraft
-tone_1 = { frequency = 52.0, force = [0.0, 0.1, 0.0] }              # Hz, N: the cooler
-""")
-
-
-def run(command):
-    """Type a command into a terminal."""
-    program, *words = shlex.split(command)
-    print(f"$ {command}", flush=True)
-    done = subprocess.run(
-        [Path(sys.executable).with_name(program), *words], capture_output=True, text=True
-    )
-    print(done.stdout or done.stderr)
-
-
+noise.scale = 0.0003                                 # of a large spacecraft's
+tone_1 = { frequency = 52.0, force = [0.0, 0.1, 0.0] }  # Hz, N: the cooler
+""",
+)
 run("ps-fmu parameters telescope.toml --output telescope.ssv")
 
 # %%
@@ -72,61 +80,113 @@ run("ps-fmu parameters telescope.toml --output telescope.ssv")
 # ``Instrument.ssd`` has seismic accelerometers before the isolator and voice coils behind it. The
 # forces of the isolator shake the light satellite, whose acceleration it measures: that is a loop.
 
-run("ps-fmu analyse stability --system Instrument.ssd --parameters telescope.ssv")
+run("ps-fmu analyse stability --system Instrument.ssd --parameters telescope.ssv", lines=24)
 
 # %%
-# It is stable, but a gain that is 0.5 dB larger makes it unstable at 222 Hz, where the rods of the
-# coarse legs resonate. A lower low-pass of the isolator helps.
+# It is stable, but half a decibel more gain makes it unstable at 222 Hz, where the rods of the
+# coarse legs resonate. A lower low-pass of the isolator keeps away from there.
 
-with Path("telescope.toml").open("a") as file:
-    file.write("[filters]\nlowpass_stop_frequency = 500.0  # Hz, in place of 1000\n")
+write(
+    "telescope.toml",
+    """
+[filters]
+lowpass_stop_frequency = 500.0                       # Hz, instead of 1000
+""",
+)
 run("ps-fmu parameters telescope.toml --output telescope.ssv")
-run("ps-fmu analyse stability --system Instrument.ssd --parameters telescope.ssv")
+run("ps-fmu analyse stability --system Instrument.ssd --parameters telescope.ssv", lines=24)
 
 # %%
-# All three legs together have a gain margin of 12.7 dB.
+# All legs alike have a gain margin of more than 12 dB.
 #
-# State what you require, and run
-# -------------------------------
+# State the requirement, and run
+# ------------------------------
 #
-# ``passive`` is the run without the isolator, ``active`` that with it.
+# The error within a second, less its mean, is to stay below 1 urad RMS, with 90 % confidence.
 
-Path("requirements.toml").write_text("""
-[[requirement]]
-name = "blur of 0.1 s"
-signal = "plant.payload_rotation"
-case = ["passive", "active"]
-settling = "4 s"
-index = "jitter"
-window = "0.1 s"
-statistic = "rms"
-confidence = 0.9
-limit = "0.2 urad"
+write(
+    "requirements.toml",
+    """
 [[requirement]]
 name = "stability over 1 s"
 signal = "plant.payload_rotation"
-case = ["passive", "active"]
-settling = "4 s"
+settling = "3 s"
 index = "RPE"
 at = "uniform"
 window = "1 s"
 statistic = "rms"
 confidence = 0.9
-limit = "0.9 urad"
-""")
+limit = "1 urad"
+""",
+)
 run(
     "ps-fmu run isolation --system Instrument.ssd --parameters telescope.ssv"
-    " --requirements requirements.toml --duration 40 --output results"
+    " --requirements requirements.toml --duration 30"
 )
 
 # %%
-# ``results/report.html`` shows the same with histories and spectra. With the isolator everything
-# is met. Without it the stability over 1 s is not.
+# It is met about each axis. ``results/isolation/report.html`` shows histories and spectra, without
+# and with the isolator.
 #
 # Where does the error come from?
 # -------------------------------
 
 run(
-    "ps-fmu analyse budget --system Instrument.ssd --parameters telescope.ssv"
-    " --requirements requirements.toml --output budget"
+    "ps-fmu analyse budget --system Instrument.ssd --parameters telescope.ssv --requirements requirements.toml",
+    lines=28,
 )
+
+# %%
+# About x, torque noise between 0.1 and 0.2 Hz decides: there the isolator with real accelerometers
+# does little. About y it is the cooler. The run states 0.51 urad about x, the budget 0.28 urad: half
+# a minute holds few periods of such slow noise. Other seeds scatter by a third about the budget.
+#
+# What if the instrument is not built as planned?
+# -----------------------------------------------
+#
+# Leg stiffness and the delay of the electronics vary. Sixteen cases show a trend; a hundred show
+# shares within a few per cent.
+
+write(
+    "study.toml",
+    """
+[study]
+system = "Instrument.ssd"
+parameters = "telescope.ssv"
+requirements = "requirements.toml"
+duration = "8 s"
+plan = "latin-hypercube"
+cases = 16
+seed = 1
+[[vary]]
+parameter = ["fine_leg_1.stiffness", "fine_leg_2.stiffness", "fine_leg_3.stiffness"]
+distribution = "uniform"
+relative = "20 %"
+[[vary]]
+parameter = "isolator.delay"
+values = ["0 ms", "1 ms", "2 ms", "4 ms"]
+""",
+)
+run("ps-fmu sweep study.toml --output study", lines=20)
+
+# %%
+# A delay of 4 ms is too much. ``study/study.html`` shows each case and how to run it again.
+#
+# A controller of one's own
+# -------------------------
+#
+# ``ps-fmu new`` writes a controller that turns the payload back by the rotation that a gyroscope on
+# it measures. It takes the place of the isolator; signals of the same names are connected.
+
+run("ps-fmu new isolator my_isolator.py")
+run("ps-fmu build my_isolator.py")
+run(
+    "ps-fmu run isolation --system Instrument.ssd --parameters telescope.ssv"
+    " --requirements requirements.toml --duration 30 --replace isolator=MyIsolator.fmu"
+)
+
+# %%
+# With an ideal gyroscope it halves the error about x. Change ``my_isolator.py``, build it again, and
+# run: the page *My own controller or FMU* explains each line.
+
+shutil.rmtree(FOLDER)

@@ -11,6 +11,7 @@ from ps_fmu.interface.ports import make_parameter_ports, refuse_parameters
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.mechanism.quantities import take_values
 from ps_fmu.slavekit.author.ahead import RowParts
+from ps_fmu.slavekit.author.files import find_packed
 from ps_fmu.slavekit.author.guard import Refused
 from ps_fmu.slavekit.author.slave import Slave
 from ps_fmu.slavekit.author.terminals import Terminal
@@ -54,7 +55,7 @@ class DisturbanceSource(Slave):
     def rows(self, t: float, h: float, n: int) -> RowParts:
         """Wrench at t + h ... t + n h (s), shape (n, 6), in parts."""
         yield n // 16  # more than there are: the step at the end of the last table does nothing else
-        self._warn_of_aliasing(h)
+        self._warn(h)
         times = self.times(t, h, n) - self.memory[0]
         if not abs(times[-1]) <= LATEST:
             raise Refused(f"{times[-1]:g} s after the start of the experiment: expected at most {LATEST:g} s")
@@ -81,12 +82,12 @@ class DisturbanceSource(Slave):
     def _build(self, values: dict[str, Value]) -> None:
         self.built_from: dict[str, Value] = {}
         self.checked_step = 0.0  # s, that warnings were given for
-        self.disturbance = Disturbance(take_values(DEFAULT, values))
+        self.disturbance = Disturbance(take_values(DEFAULT, find_packed(values, self.resources)))
         self.built_from = values
 
-    def _warn_of_aliasing(self, h: float) -> None:
+    def _warn(self, h: float) -> None:
         if h == self.checked_step:
             return
-        for text in self.disturbance.explain_aliasing(h):
+        for text in [*self.disturbance.explain(), *self.disturbance.explain_aliasing(h)]:
             self.warning(text)
         self.checked_step = h

@@ -24,7 +24,7 @@ from .results.summary import plain
 from .runs.options import PARAMETERS, REPORT, RESULTS, SUMMARY, WRITTEN, OptionError, claim_folder
 from .runs.origin import list_attributes, write_origin
 from .runs.output import hold_folder, leave_no_empty_folder, remove_old_values
-from .runs.publish import Findings, describe, make_summary, publish
+from .runs.publish import Findings, describe, find_states, make_summary, publish
 from .runs.run import Run
 from .terminal import read_output
 
@@ -129,6 +129,20 @@ class Result:
             text = json.dumps(plain(make_summary(run.options, run.system, findings), SUMMARY))
         found: dict[str, Any] = json.loads(text)
         return found
+
+    @property
+    def stability(self) -> dict[str, Any]:
+        """Of each case with a closed loop: ``stable``, least damped pole, ``gain_margin_db``, as summary.json has them.
+
+        The linear model at the start of the case answers.  ``gain_margin_db`` is the change of the isolator's gain that
+        makes the loop unstable, 12 if that is more; None where ``ps-fmu analyse stability`` has it.
+        Keep it away from 0 in an optimisation: verdicts do not show how near to instability a design is.
+        """
+        if self._found is None:
+            return dict(self.summary.get("stability", {}))
+        run, findings = self._found
+        states = find_states(run.options, run.system, findings, thorough=True)
+        return {case: state.as_dict() for case, state in states.items()}
 
     def report(self, folder: str | PathLike[str] | None = None, *, figures: bool = True) -> Path:
         """Write what ``ps-fmu run`` writes into a folder; the path of the report, an HTML file that needs nothing else.

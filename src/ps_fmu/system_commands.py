@@ -111,7 +111,8 @@ def _add_new(commands: argparse._SubParsersAction[Any]) -> None:
         description="Write the Python source of a small FMU that takes the place of a component of ps_fmu.  It builds, "
         "passes the checks and runs as it is.",
     )
-    command.add_argument("kind", choices=TEMPLATES, help=", ".join(f"{k}: for {v}" for k, v in TEMPLATES.items()))
+    places = ", ".join(f"{kind}: for {component}" for kind, component in TEMPLATES.items())
+    command.add_argument("kind", choices=tuple(TEMPLATES), help=f"what it is in place of ({places})")
     command.add_argument("file", type=read_output, metavar="FILE.py", help="new file; the FMU is called as the file")
     command.set_defaults(run=_new)
 
@@ -161,9 +162,8 @@ def _ssp(options: argparse.Namespace) -> int:
 
     try:
         system = read_chosen(options)
-        for remark in system.remarks:
+        for remark in (*system.remarks, *write_ssp(system, options.output)):
             print(f"ps-fmu ssp: {remark}", file=sys.stderr)
-        write_ssp(system, options.output)
         print(f"{options.output}  {options.output.stat().st_size / 1e3:.0f} kB")
     except OptionError as error:
         print(f"ps-fmu ssp: {error}", file=sys.stderr)

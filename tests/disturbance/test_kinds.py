@@ -1,5 +1,6 @@
 """Wheels, sines, sweeps, their sum, and the parameters of all kinds."""
 
+import json
 import re
 from pathlib import Path
 
@@ -16,7 +17,6 @@ from ps_fmu.disturbance.wheels import (
     Harmonics,
     SpeedProfile,
     WheelSource,
-    read_harmonics,
 )
 from ps_fmu.mechanism.parameters import ParameterError, load
 from ps_fmu.mechanism.quantities import list_entries, replace_values
@@ -98,24 +98,122 @@ def test_amplitudes_at_constant_speed_are_those_of_the_wrench():
     np.testing.assert_allclose((turning @ wheel.amplitudes(-150.0)).real, wheel(times), atol=1e-12)
 
 
-def test_the_packaged_harmonics():
+def test_an_imbalance_is_the_force_of_a_mass_on_a_circle():
+    """F = U w^2 and M = D w^2 by hand, of a wheel at the origin that turns about z and has no other harmonics."""
+    U, D, speed = 0.3e-5, 2e-7, 314.0  # kg.m of 0.3 g.cm, kg.m2 of 2 g.cm2, rad/s
+    (wheel,) = make_wheels({"static_imbalance": U, "dynamic_imbalance": D}, NO_HARMONICS, speed)
+    times = 5.0 + np.arange(2000) * STEP
+    force, torque = np.split(wheel(times), 2, axis=1)
+    np.testing.assert_allclose(np.linalg.norm(force, axis=1), U * speed**2, rtol=1e-12)
+    np.testing.assert_allclose(np.linalg.norm(torque, axis=1), D * speed**2, rtol=1e-12)
+    angle = np.unwrap(np.arctan2(force[:, 1], force[:, 0]))
+    np.testing.assert_allclose(np.diff(angle), speed * STEP, rtol=1e-9)
+    verify_claim(
+        "wheel.imbalance",
+        claim="Force and torque of a wheel with given static and dynamic imbalance",
+        where="`static_imbalance` and `dynamic_imbalance` of wheels",
+        reference="F = U w^2 and M = D w^2, by hand",
+        error=max(abs(np.linalg.norm(force, axis=1) / (U * speed**2) - 1.0).max(),
+                  abs(np.linalg.norm(torque, axis=1) / (D * speed**2) - 1.0).max()),
+        bound=1e-12,
+    )  # fmt: skip
+
+
+NO_HARMONICS = "order [1],force [1]\n2,0\n"
+
+
+@pytest.fixture(autouse=True)
+def _folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def make_wheels(own, harmonics, speed):
+    """Sources of one wheel along z at the origin, with a file of harmonics in the working directory."""
+    Path("wheel.csv").write_text(harmonics)
+    place = {"spin_axis.x": 0.0, "spin_axis.z": 1.0, "position.z": 0.0, "initial_speed": speed, "final_speed": speed}
+    values = {"enabled": True, "harmonics": "wheel.csv", **place, **own}
+    settings = replace_values(QUIET, {f"wheel_1.{name}": value for name, value in values.items()})
+    return [kind.make_source(settings, n) for name, n, kind in settings.list_disturbances() if name == "wheel_1"]
+
+
+@pytest.mark.parametrize(
+    ("header", "row", "force", "torque"),
+    [
+        ("order [1],force [kg.m],torque [kg.m2]", "2,3e-6,4e-7", 3e-6, 4e-7),
+        ("torque [g.cm2],order [1],force [g.cm],note", "4,2,0.3,bearing", 3e-6, 4e-7),
+        ("order [1],force [N/(rad/s)^2],torque [N.m/(rad/s)2]", "2,3e-6,4e-7", 3e-6, 4e-7),
+        ("order [1],force [N/rpm2],torque [N.m/rpm2]", "2,1e-8,1e-9", 1e-8 / 0.1047197551**2, 1e-9 / 0.1047197551**2),
+        ("order [1],force [1],torque [1]", "2,0.5,0.25", 0.5 * 6e-6, 0.25 * 8e-7),  # of the imbalance
+        ("order [1],force [g.mm]", "2,3", 3e-6, 0.0),
+    ],
+)
+def test_harmonics_in_the_units_of_a_file(header, row, force, torque):
+    own = {"static_imbalance": 6e-6, "dynamic_imbalance": 8e-7}
+    (wheel,) = make_wheels(own, f"{header}\n{row}\n", 100.0)
+    for harmonics, expected, first in ((wheel.force, force, 0), (wheel.torque, torque, wheel.force.orders.size)):
+        places = np.flatnonzero(harmonics.orders == 2.0)
+        assert len(places) == (expected > 0.0)
+        for place in places:  # a vector that turns: as large along x as along y
+            found = np.linalg.norm(wheel.amplitudes(100.0)[first + place])
+            assert found == pytest.approx(np.sqrt(2.0) * expected * 1e4, rel=1e-9)
+
+
+def test_the_default_wheel():
+    """A Honeywell HR16, with the proportions of the measured wheel: 3.7 % of the force at order 14.5."""
     assert FORCE.orders.size == TORQUE.orders.size == 12
-    assert (FORCE.orders[0], FORCE.coefficients[0]) == (1.01, 2.18e-7)
+    assert (FORCE.orders[0], FORCE.coefficients[0], TORQUE.coefficients[0]) == (1.0, 4.8e-6, 1.54e-6)
+    assert FORCE.coefficients[FORCE.orders == 14.5] == pytest.approx(4.8e-6 * 8.10e-9 / 2.18e-7, rel=1e-3)
 
 
 @pytest.mark.parametrize(
     ("text", "problem"),
     [
-        ("1.0,2e-7\n2.0\n", "line 2: expected two numbers"),
-        ("1.0,2e-7\n2.0,x\n", "line 2: expected two numbers"),
-        ("1.0,nan\n", "line 1: expected h > 0 and C >= 0"),
-        ("-1.0,1e-7\n", "line 1: expected h > 0"),
-        ("", "holds no harmonics"),
+        ("order [1],force [g.cm]\n2\n", "line 2: expected 2 numbers"),
+        ("order [1],force [g.cm]\n2,x\n", "line 2: expected 2 numbers"),
+        ("order [1],force [g.cm]\n2,nan\n", "line 2: expected an order above 0 and coefficients of 0"),
+        ("order [1],force [g.cm]\n\n-2,1e-7\n", "line 3: expected an order above 0"),
+        ("2,1e-7\n", r"line 1: expected the columns 'order \[1\]'"),
+        ("order [1],force [lb.in]\n2,1\n", r"line 1: force \[lb.in\]: expected one of the units kg.m, g.cm"),
+        ("order [1],force [g.cm]\n1.01,0.2\n", "wheel.csv states order 1.01, which is the imbalance, too: set st"),
+        ("order [1],force [g.cm]\n" + "2,1\n" * 1001, "more than 1000 harmonics"),
     ],
 )
 def test_harmonics_that_cannot_be_used(text, problem):
     with pytest.raises(ParameterError, match=problem):
-        read_harmonics(text, "wheel.csv")
+        make_wheels({}, text, 100.0)
+    with pytest.raises(ParameterError, match="harmonics: no file"):
+        make_wheels({"harmonics": "missing.csv"}, text, 100.0)
+
+
+def test_any_number_of_wheels_and_sines():
+    """What has no parameters of its own acts as if it had."""
+    times = np.arange(20_000, 21_000) * STEP
+    wheel = {"enabled": True, "initial_speed": 150.0, "final_speed": 150.0, "static_imbalance": 1e-5}
+    own = Disturbance(replace_values(QUIET, {f"wheel_1.{name}": value for name, value in wheel.items()}))(times)
+    more = replace_values(QUIET, {"more_wheels": json.dumps([wheel, wheel])})
+    assert [name for name, _, _ in more.list_disturbances() if name.startswith("wheel")][-2:] == ["wheel_5", "wheel_6"]
+    found = Disturbance(replace_values(QUIET, {"more_wheels": json.dumps([wheel])}))(times)
+    assert np.sqrt(np.mean(found**2)) == pytest.approx(np.sqrt(np.mean(own**2)), rel=0.02)  # other phases
+    tone = {"frequency": 52.0, "force.z": 0.1}
+    tones = Disturbance(replace_values(QUIET, {"more_tones": json.dumps([tone] * 20)}))(times)
+    one = Disturbance(replace_values(QUIET, {f"tone_2.{name}": value for name, value in tone.items()}))(times)
+    np.testing.assert_allclose(tones, 20.0 * one, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("[", "more_wheels: expected a JSON list of objects"),
+        ("{}", "more_wheels: expected a JSON list of objects, got '{}'"),
+        ('[{"stifness": 1}]', "more_wheels: wheel_5.stifness: no such parameter"),
+        ('[{}, {"scale": -1}]', "more_wheels: wheel_6.scale: must not be less than 0"),
+        ('[{"harmonics": 3}]', "more_wheels: wheel_5.harmonics: expected text, got 3"),
+        (json.dumps([{}] * 1001), "more_wheels: 1001 are too many"),
+    ],
+)
+def test_further_wheels_that_cannot_be(text, problem):
+    with pytest.raises(ParameterError, match=problem):
+        replace_values(QUIET, {"more_wheels": text})
 
 
 # --- Sines and sweeps -------------------------------------------------------------------

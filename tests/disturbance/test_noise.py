@@ -5,12 +5,14 @@ import pytest
 from scipy.signal import welch
 from support.claims import verify_claim
 
-from ps_fmu.disturbance import multisine_lines, psd_at_origin, spectrum
+from ps_fmu.disturbance import default_settings, multisine_lines, psd_at_origin, spectrum
 from ps_fmu.disturbance.gaussian import Block, GaussianNoise
 from ps_fmu.disturbance.multisine import Multisine
+from ps_fmu.disturbance.noise import SpectrumTable
 from ps_fmu.disturbance.spectrum import Layer, factor, gaussian_density, layers, share
 from ps_fmu.disturbance.synthesis import LayerLines
-from ps_fmu.mechanism.parameters import load
+from ps_fmu.mechanism.parameters import ParameterError, load
+from ps_fmu.mechanism.quantities import replace_values
 from ps_fmu.numerics.normal import Stream, make_key
 
 NOISE = load().noise
@@ -192,7 +194,7 @@ def test_times_far_apart_do_not_cost_what_lies_between(monkeypatch):
 def test_samples_in_phases_are_those_of_one_transform(period, numbers):
     """Lines below, at and above the highest frequency of the parts, where they appear as aliases."""
     layer = Layer(0, 400.0, period, np.arange(*numbers))
-    polyphase = LayerLines(layer, 1)
+    polyphase = LayerLines(layer, 1, np.ones((1, layer.numbers.size)))
     random = np.random.default_rng(4)
     lines = random.standard_normal((1, layer.numbers.size)) + 1j * random.standard_normal((1, layer.numbers.size))
     spectra = np.concatenate([polyphase.fold(lines * polyphase.gains[0], phase) for phase in range(polyphase.phases)])
@@ -353,3 +355,101 @@ def test_records_have_it():
         bound=4.0,
         unit="standard deviations",
     )
+
+
+# --- Spectra from files -------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def spectrum_file(tmp_path):
+    """A force with a slope and a step, and a torque with a peak; one-sided."""
+    path = tmp_path / "spectrum.csv"
+    path.write_text(
+        "torque.z [N2.m2/Hz],frequency [Hz],force.x [N2/Hz]\n"
+        "1e-9,0.5,1e-6\n1e-8,10,1e-4\n4e-7,30,1e-4\n4e-7,30.5,1e-6\n1e-9,100,1e-8\n"
+    )
+    return path
+
+
+def settings_of(path, **more):
+    values = {"spectrum": str(path), "period": 20.0, "scale": 2.0, "band.min": 0.5, **more}
+    return replace_values(default_settings(load()), {f"noise.{name}": value for name, value in values.items()})
+
+
+def test_logarithms_are_linear_between_the_rows(spectrum_file):
+    table = SpectrumTable.read(spectrum_file, "spectrum")
+    assert table.axes == [0, 5]
+    frequency = np.array([0.4, 0.5, np.sqrt(5.0), 10.0, 20.0, 100.0, 101.0])
+    expected = [0.0, 1e-6, 1e-5, 1e-4, 1e-4, 1e-8, 0.0]
+    np.testing.assert_allclose(table.root(frequency)[0] ** 2, expected, rtol=1e-9)
+    fine = np.geomspace(0.5, 100.0, 200_001)
+    whole = np.trapezoid(table.root(fine) ** 2, fine, axis=1)
+    np.testing.assert_allclose(table.integrate(0.1, 1000.0)[[0, 5]], whole, rtol=1e-4)
+
+
+@pytest.mark.parametrize("multisine", [False, True])
+def test_noise_has_the_spectrum_of_the_file(spectrum_file, multisine):
+    """Welch's density of the samples, and their mean square, at the centre of mass of the bus."""
+    settings, step = settings_of(spectrum_file, multisine=multisine), 2e-3
+    noise, table = settings.kinds["noise"].make_source(settings, 1), SpectrumTable.read(spectrum_file, "spectrum")
+    wrench = noise(2.0 + np.arange(400_000) * step)
+    com_B = settings.bus.com_B
+    at_com = np.hstack([wrench[:, :3], wrench[:, 3:] - np.cross(com_B, wrench[:, :3])])
+    quiet = [axis for axis in range(6) if axis not in table.axes]
+    np.testing.assert_allclose(at_com[:, quiet], 0.0, atol=1e-12)
+    frequency, density = welch(at_com[:, table.axes], 1.0 / step, nperseg=10_000, axis=0)
+    wanted = 4.0 * table.root(frequency[1:]) ** 2  # the scale is 2
+    for low, high in ((1.0, 8.0), (11.0, 29.0), (32.0, 90.0)):
+        inside = (frequency[1:] > low) & (frequency[1:] < high)
+        measured, expected = density[1:][inside].sum(axis=0), wanted[:, inside].sum(axis=1)
+        np.testing.assert_allclose(measured, expected, rtol=0.1)
+    whole = 4.0 * table.integrate(0.5, 100.0)[table.axes]
+    verify_claim(
+        "noise.spectrum",
+        claim="Noise with the spectrum of a file",
+        where="`disturbance.noise.spectrum`",
+        reference="mean square of 800 s against the integral of the densities",
+        error=np.abs(np.mean(at_com[:, table.axes] ** 2, axis=0) / whole - 1.0).max(),
+        bound=0.05,
+    )
+
+
+def test_the_density_of_a_spectrum_on_average_is_that_of_the_file(spectrum_file):
+    """But at steps, and at the edges of the band, which are as wide as a line."""
+    settings = settings_of(spectrum_file)
+    noise, table = settings.kinds["noise"], SpectrumTable.read(spectrum_file, "spectrum")
+    frequency = np.array([1.0, 3.0, 12.0, 20.0, 50.0, 90.0])
+    found = gaussian_density(noise.band, noise.period, frequency, table.root)
+    np.testing.assert_allclose(found, table.root(frequency) ** 2, rtol=0.01)
+
+
+def test_what_the_band_cuts_off_is_said(spectrum_file):
+    assert settings_of(spectrum_file).kinds["noise"].explain() is None
+    text = settings_of(spectrum_file, **{"band.max": 20.0}).kinds["noise"].explain()
+    assert text.startswith("spectrum.csv reaches from 0.5 to 100 Hz; the noise is what lies between noise.band.min = ")
+    table = SpectrumTable.read(spectrum_file, "spectrum")
+    lost = 1.0 - (table.integrate(0.5, 20.0)[5] / table.integrate(0.5, 100.0)[5])
+    assert f"leaves out up to {100.0 * lost:.0f} %" in text
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "problem"),
+    [
+        ("1e-9,0.5", "1e-9,0", "the first frequency must be above 0, got 0 Hz"),
+        ("10,1e-4", "10,0", r"'force.x \[N2/Hz\]' at 10 Hz: expected a density above 0, got 0; leave out the columns"),
+        ("10,1e-4", "0.4,1e-4", "line 3: the frequency 0.4 Hz does not come after 0.5 Hz"),
+        ("force.x [N2/Hz]", "force.x [N/sqrt(Hz)]", r"column 'force.x .* must be 'force.x \[N2/Hz\]'"),
+        ("torque.z [N2.m2/Hz],frequency [Hz],force.x [N2/Hz]", "a,frequency [Hz],b", "no column beside 'frequency"),
+    ],
+)
+def test_spectra_that_cannot_be_used(spectrum_file, old, new, problem):
+    spectrum_file.write_text(spectrum_file.read_text().replace(old, new))
+    settings = settings_of(spectrum_file)
+    with pytest.raises(ParameterError, match=problem):
+        settings.kinds["noise"].make_source(settings, 1)
+
+
+def test_a_spectrum_outside_the_band(spectrum_file):
+    settings = settings_of(spectrum_file, **{"band.min": 200.0})
+    with pytest.raises(ParameterError, match=r"spectrum: .* from 0.5 to 100 Hz, and band.min and band.max are 200"):
+        settings.kinds["noise"].make_source(settings, 1)

@@ -144,10 +144,9 @@ def test_a_fault_is_found_by_its_rule_alone(rule, old, new):
     assert str(problems[0]).endswith(f"[{rule}, FMI 2.0.4, section {problems[0].rule.section}]")
 
 
-def test_the_documents_count_the_rules():
-    root = Path(__file__).parents[2]
-    for document in (root / "README.md", root / "fmus" / "README.md"):
-        assert f"{len(DESCRIPTION_RULES)} rules" in document.read_text().replace("\n", " ")
+def test_the_document_counts_the_rules():
+    document = Path(__file__).parents[2] / "fmus" / "README.md"
+    assert f"{len(DESCRIPTION_RULES)} rules" in document.read_text().replace("\n", " ")
 
 
 def test_every_rule_has_a_fault_that_it_finds():

@@ -184,7 +184,7 @@ def test_an_icon_and_what_is_to_read(fmu: Path) -> None:
     listed = {line.partition(":")[0] for line in index.partition("-----")[0].splitlines()[2:] if line}
     assert {f"documentation/licenses/{name}" for name in listed} == others
     if fmu.stem == "DisturbanceSource":
-        assert "wheel-radial-harmonics.txt" in listed
+        assert "wheel-harmonics.txt" in listed
 
 
 def list_wires(system: str, fmus: Path) -> set[tuple[tuple[str, str], ...]]:

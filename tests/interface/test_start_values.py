@@ -16,6 +16,7 @@ from ps_fmu.cosim import Master, System, read_parameters, read_system
 from ps_fmu.cosim.description import index_variables, read_descriptions, read_start
 from ps_fmu.cosim.ssp.writing import real_values_xml
 from ps_fmu.cosim.structure import Component
+from ps_fmu.disturbance import default_settings
 from ps_fmu.interface.agreement import APART
 from ps_fmu.interface.instrument_file import BuildError, find_physics, import_slave
 from ps_fmu.interface.start_values import (
@@ -27,7 +28,7 @@ from ps_fmu.interface.start_values import (
 )
 from ps_fmu.mechanism.instrument import Instrument, read_instrument
 from ps_fmu.mechanism.parameters import PAPER, load
-from ps_fmu.mechanism.quantities import ParameterError, list_entries
+from ps_fmu.mechanism.quantities import ParameterError, list_entries, take_values
 from ps_fmu.theory.loop import loop_at, loop_of
 
 SYSTEM = Path(__file__).parents[2] / "system"
@@ -159,7 +160,12 @@ def test_what_is_set_apart_is_marked(write):
         ("[start.isolater]\ndelay = 1.0", "start.isolater: no such component; did you mean isolator?"),
         ("[start.isolator]\ndelai = 1.0", ".delai: the FMU has no such parameter or input; did you mean delay"),
         ("[start.isolator]\ndelay = -1.0", "start.isolator.delay: -1.0 is outside [0.0, inf]"),
-        ("[start.isolator]\ndelay = '1 ms'", "start.isolator.delay: expected a value of type Real, got '1 ms'"),
+        ("[start.isolator]\ndelay = '1 mm'", "start.isolator.delay: expected a number in s, or a text with another u"),
+        ("[[wheel]]\nstifness = 1", "[[wheel]] 1.wheel_1.stifness: the FMU has no such parameter"),
+        ("[[wheel]]\nstatic_imbalance = '0.3 g.cm2'", "[[wheel]] 1.wheel_1.static_imbalance: expected a number in kg."),
+        ("[wheel]\nspeed = 1", "wheel: write each as [[wheel]], got {'speed': 1}"),
+        ("[[wheel]]\n" * 5 + "scale = -1", "[[wheel]] 5.wheel_1.scale: -1 is outside [0.0, inf]"),
+        ("[[tone]]\nfrequency = 0.0\n", "[[tone]] 1.tone_1.frequency: 0.0 is outside [0.0001, inf]"),
         ("[start.isolator]\ndelay = inf", "start.isolator.delay: expected a finite number, got inf"),
         ("[start.isolator]\nsaturated = true", "start.isolator.saturated: the FMU has no such parameter or input"),
         ("[start.isolator]\ndelay = [1.0]", "start.isolator.delay: the FMU has no such parameter or input"),
@@ -174,6 +180,37 @@ def test_start_values_that_cannot_be_used(write, capsys, text, problem):
     code, path = write(f'base = "paper"\n{text}')
     assert (code, path.exists()) == (1, False)
     assert problem in capsys.readouterr().err
+
+
+def test_any_number_of_wheels_and_sines_in_the_units_of_data_sheets(write, tmp_path):
+    """Four and three have parameters; those beyond are as they would be there.  A file lies beside the instrument."""
+    (tmp_path / "own.csv").write_text("order [1],force [g.cm]\n2,0.02\n")
+    wheel = """[[wheel]]
+static_imbalance = "0.3 g.cm"
+dynamic_imbalance = "2 g.cm2"
+harmonics = "own.csv"
+spin_axis = [0, 0, 1]
+speed = "3000 rpm"
+"""
+    tones = "".join(f'[[tone]]\nfrequency = "{k} kHz"\nforce = [0, 0.1, 0]\n' for k in (0.1, 0.2, 0.3, 0.4))
+    code, path = write(f'base = "paper"\n{6 * wheel}{tones}[start.isolator]\ndelay = "2 ms"')
+    assert code == 0
+    given = {name: value for name, value in read_parameters(path).items() if name.startswith("disturbance.")}
+    assert read_parameters(path)["isolator.delay"] == 0.002
+    settings = take_values(
+        default_settings(load()), {name.removeprefix("disturbance."): value for name, value in given.items()}
+    )
+    found = {name: kind for name, _, kind in settings.list_disturbances()}
+    for number in range(1, 7):
+        each = found[f"wheel_{number}"]
+        assert (each.enabled, each.harmonics) == (True, str(tmp_path / "own.csv"))
+        assert each.static_imbalance == pytest.approx(3e-6, rel=1e-12)
+        assert each.dynamic_imbalance == pytest.approx(2e-7, rel=1e-12)
+        np.testing.assert_array_equal(each.spin_axis_B, [0.0, 0.0, 1.0])
+        np.testing.assert_array_equal(each.position_B, load().bus.com_B)
+        assert each.initial_speed == each.final_speed == pytest.approx(100.0 * np.pi, rel=1e-12)
+    assert [found[f"tone_{k}"].frequency for k in (1, 2, 3, 4)] == pytest.approx([100.0, 200.0, 300.0, 400.0])
+    assert found["tone_4"].force_B[1] == 0.1
 
 
 def test_components_that_are_in_the_system_are_served(write, tmp_path):
@@ -223,7 +260,7 @@ def test_a_slave_that_cannot_be_imported_is_named(tmp_path):
 
 def test_a_physics_that_the_fmu_does_not_have_yet(system, physics):
     """Sources that are newer than the FMUs."""
-    instrument = Instrument(load(), {}, ())
+    instrument = Instrument(load(), {}, {}, ())
     with pytest.raises(ParameterError, match=r"commander\.coarse_leg_1\.lower\.mass: .* build it again"):
         make_start_values(instrument, *system, {**physics, "PointingCommander": physics["FeedforwardIsolator"]})
 

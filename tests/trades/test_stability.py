@@ -64,6 +64,23 @@ def test_a_line_of_sight_loop_has_margins_of_its_own(analyse):
     np.testing.assert_allclose(slow, passive, rtol=1e-3)  # modes of the arrays, which no loop moves
 
 
+def test_the_system_with_all_fmus_is_stable_with_margins(analyse):
+    """Voice coils are fast beside the line-of-sight loop: its margins are those without coils, less their delay."""
+    loops = {}
+    for name in ("LineOfSight", "FullInstrument"):
+        _, cases = analyse("--system", SYSTEM / f"{name}.ssd")
+        assert cases["passive"]["stable"] and cases["active"]["stable"]
+        loops[name] = cases["active"]["margins"]
+    full = loops["FullInstrument"]
+    assert full["isolator"]["common"]["gain_db"] > 20.0
+    assert full["line of sight"]["common"]["gain_db"] > 8.0
+    assert full["line of sight"]["common"]["disk"] > 0.75
+    ideal, real = (loops[name]["line of sight"]["common"] for name in ("LineOfSight", "FullInstrument"))
+    step_s, driver_hz = 1e-4, 1000.0
+    late = np.degrees(2.0 * np.pi * real["delay_hz"] * (step_s + 1.0 / (2.0 * np.pi * driver_hz)))
+    assert real["phase_deg"] == pytest.approx(ideal["phase_deg"] - late, abs=0.1)
+
+
 def test_without_a_system_of_ones_own_it_is_the_papers():
     assert ANALYSES["stability"].load().__module__ == "ps_fmu.paper.figures.fig10.report"
     assert ANALYSES["stability"].load(own=True).__module__ == "ps_fmu.trades.stability"

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from fmpy.model_description import ModelDescription
 
-from .description import index_variables, read_description
+from .description import get_unit, index_variables, read_description
 from .errors import UsageError
-from .structure import Component, Connection, PortName, System, list_names
+from .structure import Component, Connection, Connector, PortName, System, list_names
 
 
 def replace_components(system: System, fmus: Mapping[str, Path]) -> System:
@@ -63,15 +63,29 @@ def _replace(system: System, old: Component, path: Path) -> System:
     ]
     parameters = {name: entry for name, entry in old.parameters.items() if name in known}
     new = replace(old, source=path.absolute(), connectors=(), variables=known, parameters=parameters)
+    components = [new if component is old else component for component in system.components]
+    ports = {port for wire in (*wires, *new_wires) for port in (wire.source, wire.target)}
     inputs = [replace(one, targets=tuple(each for each in one.targets if fits(each[0]))) for one in system.inputs]
     return replace(
         system,
-        components=tuple(new if component is old else component for component in system.components),
+        components=tuple(_add_connectors(component, ports) for component in components),
         connections=(*wires, *new_wires),
         inputs=tuple(one for one in inputs if one.targets),
         outputs=tuple(one for one in system.outputs if fits(one.source)),
         remarks=(*system.remarks, "; ".join(said)),
     )
+
+
+def _add_connectors(component: Component, ports: Collection[PortName]) -> Component:
+    """The component with connectors for all its variables that are connected."""
+    there = {connector.name for connector in component.connectors}
+    wanted = sorted(port.variable for port in ports if port.component == component.name and port.variable not in there)
+    if not wanted:
+        return component
+    variables = index_variables(read_description(component.source, lenient=True))
+    found = [variables[name] for name in wanted if name in variables]
+    added = [Connector(one.name, one.causality, one.type, get_unit(one), 0) for one in found]
+    return replace(component, connectors=(*component.connectors, *added))
 
 
 def _find_outputs(system: System, old: Component, name: str) -> list[PortName]:

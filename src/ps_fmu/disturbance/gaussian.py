@@ -1,4 +1,4 @@
-"""Endless Gaussian noise with a given 6x6 spectrum, as a function of time and seed alone."""
+"""Endless Gaussian noise with a given spectrum of force and torque, as a function of time and seed alone."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ..numerics import library
 from ..numerics.calls import Calls, Pair
 from ..numerics.normal import Stream, make_key
 from .sample_table import SampleTable, make_calls
-from .spectrum import Layer, Weight, crossfade, factor, layers, ramp
+from .spectrum import Inputs, Layer, Weight, crossfade, layers, ramp, share
 from .synthesis import LayerLines, Synthesis, make_synthesis
 
 _MOST_SPARE = 2  # blocks of a layer, as many as a source begins with
@@ -26,12 +26,12 @@ third; they are off the corrected ones by 1.6 % of a line at 15 Hz and by less a
 
 
 class _LayerTables:
-    """What all blocks of a layer share, whatever the spectrum and the seed: 5 MB for 0.1 to 1000 Hz."""
+    """What all blocks of a layer share, whatever the seed: 5 MB for 0.1 to 1000 Hz; ``amplitudes`` (sources, lines)."""
 
-    def __init__(self, layer: Layer, rise_time: float) -> None:
+    def __init__(self, layer: Layer, rise_time: float, amplitudes: Array) -> None:
         self._rise_time = rise_time
         cycles = layer.frequencies.min() * min(rise_time, 0.5 * layer.period)
-        self.lines = LayerLines(layer, 1 if cycles >= _MANY_CYCLES else 3)  # g'', or g'', g' and g
+        self.lines = LayerLines(layer, 1 if cycles >= _MANY_CYCLES else 3, amplitudes)  # g'', or g'', g' and g
         self._elapsed = self._split(np.arange(layer.points) / layer.rate)
         """Time since the start of a block, (phases, points), s."""
         window = crossfade(np.arange(layer.points) / layer.rate, 0.5 * layer.period)
@@ -41,8 +41,8 @@ class _LayerTables:
         self._weights = window
         self._rising: dict[tuple[float, int], Array] = {}
         # Sources in other threads take from these, too: each method of a deque is one step for them.
-        self.spare: dict[tuple[bytes, int], deque[Synthesis]] = {}
-        """By the instructions that are used and the number of independent sources."""
+        self.spare: dict[bytes, deque[Synthesis]] = {}
+        """By the instructions that are used."""
         self.spare_rows: deque[Array] = deque(maxlen=_MOST_SPARE)
 
     def is_rising(self, start: float) -> bool:
@@ -68,25 +68,28 @@ class _LayerTables:
 
 
 @lru_cache(maxsize=2)  # both layers of one source: a reset, or another source, saves 40 of 60 ms
-def _make_tables(key: int, rate: float, period: float, numbers: bytes, rise_time: float) -> _LayerTables:
-    return _LayerTables(Layer(key, rate, period, np.frombuffer(numbers, np.int64)), rise_time)
+def _make_tables(
+    key: int, rate: float, period: float, numbers: bytes, rise_time: float, amplitudes: bytes
+) -> _LayerTables:
+    layer = Layer(key, rate, period, np.frombuffer(numbers, np.int64))
+    return _LayerTables(layer, rise_time, np.frombuffer(amplitudes).reshape(-1, layer.numbers.size))
 
 
 class BlockShape:
     """What all blocks of a layer share.
 
-    Parameters
-    ----------
-    factor: (6, r), see :func:`.spectrum.factor`.
-    rise_time: of the ramp from 0 at t = 0, s.
+    ``rise_time``: of the ramp from 0 at t = 0, s.
     """
 
-    def __init__(self, layer: Layer, factor: Array, rise_time: float) -> None:
-        self.layer, self.factor = layer, np.ascontiguousarray(factor)
-        self.tables = _make_tables(layer.key, layer.rate, layer.period, layer.numbers.tobytes(), rise_time)
+    def __init__(self, layer: Layer, inputs: Inputs, rise_time: float) -> None:
+        self.layer, self.factor = layer, np.ascontiguousarray(inputs.factor)
+        amplitudes = share(layer) * inputs.root(layer.frequencies)
+        self.tables = _make_tables(
+            layer.key, layer.rate, layer.period, layer.numbers.tobytes(), rise_time, amplitudes.tobytes()
+        )
         # Of the layer, not of the shape: a source that is reset need not fetch its memory from the system again.
         instructions = library.find_arithmetic().instructions
-        self._spare = self.tables.spare.setdefault((instructions, factor.shape[1]), deque(maxlen=1))
+        self._spare = self.tables.spare.setdefault(instructions, deque(maxlen=1))
         self._spare_rows = self.tables.spare_rows
         synthesis = self.take_synthesis()
         self.n_parts = 3 + synthesis.n_parts
@@ -98,7 +101,7 @@ class BlockShape:
         try:
             return self._spare.pop()
         except IndexError:
-            return make_synthesis(self.tables.lines, self.factor.shape[1])
+            return make_synthesis(self.tables.lines)
 
     def give_back(self, synthesis: Synthesis) -> None:
         """Keep room for the next block."""
@@ -172,7 +175,7 @@ class GaussianNoise:
 
     Parameters
     ----------
-    psd: one-sided spectrum of force and torque, (6, 6), N2/Hz, N2.m/Hz, N2.m2/Hz.
+    psd: one-sided spectrum of force and torque, (6, 6), N2/Hz, N2.m/Hz, N2.m2/Hz; or inputs with spectra of any shape.
     band: edges of the band, Hz.
     seed: 0 or greater.
     period: length of the slow blocks, s; the lower edge of the band is about 2/period wide.
@@ -180,11 +183,11 @@ class GaussianNoise:
     """
 
     def __init__(
-        self, psd: Array, band: Array, seed: int, period: float = 100.0, rise_time: float = 2.0
+        self, psd: Array | Inputs, band: Array, seed: int, period: float = 100.0, rise_time: float = 2.0
     ) -> None:
         self._seed = seed
         self._layers = layers(band, period, half=False, overlap=True)
-        inputs = factor(psd)
+        inputs = Inputs.of(psd)
         self._shapes = {layer.key: BlockShape(layer, inputs, rise_time) for layer in self._layers}
         self._blocks: dict[int, dict[int, SampleTable]] = {layer.key: {} for layer in self._layers}
 

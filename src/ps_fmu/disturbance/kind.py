@@ -27,7 +27,7 @@ class BusCentre(Checked):
 class SharedSettings(Checked):
     """What all kinds share."""
 
-    seed: int = quantity("1", "Seed of everything random: noise, initial phases of the wheels", at_least=0)
+    seed: int = quantity("1", "Seed of the random numbers: noise and initial phases of the wheels", at_least=0)
     rise_time: float = quantity(
         "s", "Time over which the disturbance rises smoothly from zero", at_least=0.1, at_most=20.0
     )
@@ -57,6 +57,10 @@ class Kind(Checked, ABC):
 
     def check(self, shared: SharedSettings) -> None:
         """Raise ParameterError, naming the field, where the settings contradict the shared ones."""
+
+    def explain(self) -> str | None:
+        """What a user should know of the settings, whatever the steps are; None: nothing."""
+        return None
 
     def explain_aliasing(self, h: float) -> str | None:
         """What is wrong with steps of ``h`` (s), and what to do; None: nothing."""

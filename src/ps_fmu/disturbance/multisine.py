@@ -1,4 +1,4 @@
-"""Deterministic multisine with a given 6x6 spectrum: the same RMS in every period, whatever the seed.
+"""Deterministic multisine with a given spectrum of force and torque: the same RMS in every period, whatever the seed.
 
 Its phases are chosen so that the inputs stay uncorrelated in what they move.  Inputs that share their lines leave cross
 terms in the variance: inputs l and m contribute sum_k g_k exp(i (phase_lk - phase_mk)), where g_k is the squared gain
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from ..mechanism.quantities import Array, Complex
 from ..numerics.normal import Stream, make_key
 from .sample_table import SampleTable
-from .spectrum import Layer, factor, layers, ramp
+from .spectrum import Inputs, Layer, layers, ramp
 
 _MARGIN = 4  # grid points beyond both ends of the start-up, for interpolation
 
@@ -33,7 +33,7 @@ class Multisine:
 
     Parameters
     ----------
-    psd: one-sided spectrum of force and torque, (6, 6), N2/Hz, N2.m/Hz, N2.m2/Hz.
+    psd: one-sided spectrum of force and torque, (6, 6), N2/Hz, N2.m/Hz, N2.m2/Hz; or inputs with spectra of any shape.
     band: edges of the band, Hz.
     seed: 0 or greater; sets the phases, not the RMS.
     period: T, the window of the analysis, s.
@@ -41,12 +41,12 @@ class Multisine:
     """
 
     def __init__(
-        self, psd: Array, band: Array, seed: int, period: float = 100.0, rise_time: float = 2.0
+        self, psd: Array | Inputs, band: Array, seed: int, period: float = 100.0, rise_time: float = 2.0
     ) -> None:
         self._rise_time = rise_time
         self._steady: list[SampleTable] = []
         self._start: list[SampleTable] = []
-        inputs = factor(psd)
+        inputs = Inputs.of(psd)
         for layer in layers(band, period, half=True, overlap=False):
             self._add(layer, inputs, seed)
 
@@ -59,7 +59,7 @@ class Multisine:
             wrench[risen:] += steady(time[risen:])
         return wrench
 
-    def _add(self, layer: Layer, inputs: Array, seed: int) -> None:
+    def _add(self, layer: Layer, inputs: Inputs, seed: int) -> None:
         lines = _amplitudes(layer, inputs, seed)
         g, g_1, g_2 = (layer.sample(lines, integrals) for integrals in (2, 1, 0))
         self._steady.append(SampleTable(g_2, layer.rate))
@@ -71,19 +71,21 @@ class Multisine:
         self._start.append(SampleTable(rising, layer.rate, index[0] / layer.rate))
 
 
-def multisine_lines(psd: Array, band: Array, seed: int, period: float = 100.0) -> tuple[Array, Complex]:
+def multisine_lines(
+    psd: Array | Inputs, band: Array, seed: int, period: float = 100.0
+) -> tuple[Array, Complex]:
     """Frequencies (n,), Hz, and complex amplitudes (n, 6), N, N.m, of a :class:`Multisine` that has risen."""
-    inputs, found = factor(psd), layers(band, period, half=True, overlap=False)
+    inputs, found = Inputs.of(psd), layers(band, period, half=True, overlap=False)
     frequency = np.concatenate([layer.frequencies for layer in found])
     return frequency, np.concatenate([_amplitudes(layer, inputs, seed).T for layer in found])
 
 
-def _amplitudes(layer: Layer, inputs: Array, seed: int) -> Complex:
+def _amplitudes(layer: Layer, inputs: Inputs, seed: int) -> Complex:
     """Complex amplitudes of force and torque, (6, lines)."""
     random = np.random.Generator(np.random.Philox(np.random.SeedSequence(make_key(Stream.MULTISINE, seed, layer.key))))
-    phases = orthogonal_phases(layer.frequencies, inputs.shape[1], random)
+    phases = orthogonal_phases(layer.frequencies, inputs.factor.shape[1], random)
     spacing = 2.0 / layer.period  # Hz; only odd multiples of 1/period are lines
-    return np.asarray(inputs @ (np.sqrt(2.0 * spacing) * np.exp(1j * phases)))
+    return np.asarray(inputs.factor @ (inputs.root(layer.frequencies) * np.sqrt(2.0 * spacing) * np.exp(1j * phases)))
 
 
 Pairs = tuple[NDArray[np.intp], NDArray[np.intp]]

@@ -18,6 +18,7 @@ flat.  Only at the edges of the band one sees how wide a line is: some 2/T.  The
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -96,6 +97,24 @@ def factor(psd: Array) -> Array:
     vectors = vectors * np.sign(largest)
     keep = eigenvalues > 1e-9 * max(eigenvalues[-1], 0.0)
     return np.asarray(vectors[:, keep] * np.sqrt(eigenvalues[keep]))
+
+
+@dataclass(frozen=True, eq=False)
+class Inputs:
+    """Independent inputs of a wrench: its one-sided spectrum at a frequency is L D L^T with D the densities there."""
+
+    factor: Array
+    """L (6, r)."""
+    root: Callable[[Array], Array]
+    """Frequencies (n,), Hz -> the square root of each density, (r, n), N/sqrt(Hz) or N.m/sqrt(Hz) where L is one."""
+
+    @classmethod
+    def of(cls, density: Array | Inputs) -> Inputs:
+        """Those of a spectrum (6, 6) that is the same at all frequencies; what are inputs already stays."""
+        if isinstance(density, Inputs):
+            return density
+        L = factor(density)
+        return cls(L, lambda frequency: np.ones((L.shape[1], len(frequency))))
 
 
 @dataclass(frozen=True)
@@ -188,30 +207,35 @@ def edge_frequencies(band: Array, period: float) -> Array:
     return np.asarray(joined[joined > 0.0])
 
 
-def gaussian_density(band: Array, period: float, frequency: Array) -> Array:
+def gaussian_density(
+    band: Array, period: float, frequency: Array, root: Callable[[Array], Array] | None = None
+) -> Array:
     """Density (n,) at ascending frequencies (n,), Hz, above 0, in parts of the flat density that is asked for.
 
     Parameters
     ----------
     band: (2,), edges, Hz.
     period: of the slow lines, s, as of :class:`.gaussian.GaussianNoise`.
+    root: of densities that are not flat, see :class:`Inputs`; then the densities themselves, (r, n).
     """
     found = np.zeros(len(frequency))
     for layer in layers(band, period, half=False, overlap=True):
-        found += _layer_density(layer, frequency)
+        wanted = share(layer) ** 2 if root is None else (share(layer) * root(layer.frequencies)) ** 2
+        found = found + _layer_density(layer, frequency, wanted)
     return found
 
 
-def _layer_density(layer: Layer, frequency: Array) -> Array:
-    total = np.zeros(len(frequency))
-    lines, shares = layer.frequencies, share(layer) ** 2
+def _layer_density(layer: Layer, frequency: Array, wanted: Array) -> Array:
+    """Of lines with the wanted densities (..., lines): (..., n)."""
+    total = np.zeros((*wanted.shape[:-1], len(frequency)))
+    lines = layer.frequencies
     nearest = np.rint(frequency * layer.period).astype(np.int64) - layer.numbers[0]
     for shift in range(-_REACH, _REACH + 1):
         place = nearest + shift
         there = np.flatnonzero((place >= 0) & (place < len(lines)))
         line = place[there]
         off = (frequency[there] - lines[line]) * layer.period
-        total[there] += shares[line] * _line_shape(off) * (frequency[there] / lines[line]) ** 4
+        total[..., there] += wanted[..., line] * _line_shape(off) * (frequency[there] / lines[line]) ** 4
     return total
 
 

@@ -22,7 +22,7 @@ from ..numerics import calls, library
 from ..numerics.calls import CallList, Calls
 from ..numerics.library import find_address
 from ..numerics.normal import make_words, seed
-from .spectrum import Layer, share
+from .spectrum import Layer
 
 _MOST_POINTS = 2500  # of a transform
 _FEWEST_POINTS = 500  # with fewer, parts cost more than they compute: one transform for all samples instead
@@ -34,10 +34,10 @@ class LayerLines:
     Parameters
     ----------
     n_terms: how many integrals of a block are needed, from none on.
+    share: amplitude of each line of each independent source, (sources, lines).
 
     Attributes
     ----------
-    share: amplitude of each line (lines,).
     gains: what a line is multiplied by for each integral, (n_terms, lines).
     phases: P.  Phase j has the samples j, j + P, ...
     points: n, samples of a phase.
@@ -46,8 +46,8 @@ class LayerLines:
     runs: lines that go to bins side by side, their bins, and whether their conjugates go there.
     """
 
-    def __init__(self, layer: Layer, n_terms: int) -> None:
-        self.layer, self.n_terms = layer, n_terms
+    def __init__(self, layer: Layer, n_terms: int, share: Array) -> None:
+        self.layer, self.n_terms, self.share = layer, n_terms, np.ascontiguousarray(share)
         total, numbers = layer.points, layer.numbers
         self.points = _choose_points(total)
         self.phases = total // self.points
@@ -61,7 +61,6 @@ class LayerLines:
             (slice(first, end), self._find_bins(int(numbers[first]), int(numbers[end - 1]), int(runs[first])))
             for first, end in pairwise(edges)
         ]
-        self.share = share(layer)
         once = (2 * numbers) % self.points == 0  # a transform counts a line at 0 or n/2 once, all others twice
         orders = np.arange(n_terms)[:, np.newaxis]
         gain = np.where(once, 1.0, 0.5) * self.points
@@ -113,11 +112,9 @@ _FIRST_LINES = 16  # drawn in the first part, whose code has not run for a while
 _ROWS = 500  # cleared in a part
 
 
-def make_synthesis(lines: LayerLines, sources: int) -> Synthesis:
+def make_synthesis(lines: LayerLines) -> Synthesis:
     """Compiled, where the library has transforms of this length.  Raises NotCompiledError."""
-    if _is_compiled(lines.points):
-        return CompiledSynthesis(lines, sources)
-    return PlainSynthesis(lines, sources)
+    return CompiledSynthesis(lines) if _is_compiled(lines.points) else PlainSynthesis(lines)
 
 
 def _is_compiled(points: int) -> bool:
@@ -131,8 +128,8 @@ def _is_compiled(points: int) -> bool:
 class CompiledSynthesis:
     """Room for one block at a time, and what makes it: calls of the library of :mod:`ps_fmu.numerics`."""
 
-    def __init__(self, lines: LayerLines, sources: int) -> None:
-        layer, n = lines.layer, lines.layer.numbers.size
+    def __init__(self, lines: LayerLines) -> None:
+        layer, n, sources = lines.layer, lines.layer.numbers.size, len(lines.share)
         draws = np.empty(2 * sources * n + _BEHIND)
         groups = lines.n_terms  # each has six spectra: one integral of all channels, or three of two
         terms = library.allocate(groups * n * 2 * _LANES)
@@ -187,9 +184,9 @@ class CompiledSynthesis:
 class PlainSynthesis:
     """As :class:`CompiledSynthesis`, in numpy, for transforms of any length."""
 
-    def __init__(self, lines: LayerLines, sources: int) -> None:
+    def __init__(self, lines: LayerLines) -> None:
         n, self._shared = lines.layer.numbers.size, lines
-        self._draws = np.empty((2, sources, n))
+        self._draws = np.empty((2, len(lines.share), n))
         self._together = _TOGETHER // lines.n_terms  # channels
         self._groups = _CHANNELS // self._together
         self._terms = np.empty((_CHANNELS, lines.n_terms, n), dtype=np.complex128)
@@ -227,7 +224,7 @@ class PlainSynthesis:
         shared, chunk, (u, v) = self._shared, slice(first, end), self._draws
         # Box-Muller: E|c|^2 = 2/T, uniform phase.
         size = np.sqrt(-2.0 / shared.layer.period * np.log1p(-u[:, chunk]))
-        lines = factor @ (size * np.exp(2j * np.pi * v[:, chunk]) * shared.share[chunk])
+        lines = factor @ (size * np.exp(2j * np.pi * v[:, chunk]) * shared.share[:, chunk])
         np.multiply(lines[:, np.newaxis], shared.gains[:, chunk], out=self._terms[:, :, chunk])
 
     def _store_samples(self, phase: int, group: int, sizes: Array, rows: Array) -> None:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator, Mapping
+import json
+import reprlib
+from collections.abc import Generator, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
 
-from ..mechanism.parameters import Parameters
-from ..mechanism.quantities import Array, ParameterError, group, list_members
+from ..mechanism.parameters import Parameters, load
+from ..mechanism.quantities import Array, ParameterError, group, list_members, quantity, replace_values
 from ..numerics.calls import Calls, put_before
 from .gaussian import GaussianNoise
 from .kind import BusCentre, Kind, SharedSettings, Source
@@ -20,6 +22,9 @@ from .wheels import WheelSettings
 
 KINDS: tuple[type[Kind], ...] = (NoiseSettings, WheelSettings, ToneSettings, ChirpSettings, RecordingSettings)
 """In the order of the sum, and of the parameters."""
+MORE = ("wheels", "tones")
+"""Kinds of which there may be more than those that have parameters of their own."""
+MOST_MORE = 1000
 _CHUNK = 256  # rows of a part
 
 
@@ -29,15 +34,18 @@ class DisturbanceSettings(SharedSettings):
 
     kinds: Mapping[str, Kind | tuple[Kind, ...]] = group(flat=True)
     """By :attr:`.Kind.name`, in the order of the sum."""
+    more_wheels: str = quantity("", "Further wheels: a JSON list of objects with parameters of wheel_i; empty: none")
+    more_tones: str = quantity("", "Further sines: a JSON list of objects with parameters of tone_i; empty: none")
 
     @classmethod
     def from_parameters(cls, p: Parameters) -> DisturbanceSettings:
         """The noise of a parameter set alone; wheels, sines and sweep ready to be switched on."""
         kinds = {kind.name: kind.make_defaults(p) for kind in KINDS}
-        return cls(seed=1, rise_time=2.0, bus=BusCentre(p.bus.com_B), kinds=kinds)
+        return cls(seed=1, rise_time=2.0, bus=BusCentre(p.bus.com_B), kinds=kinds, more_wheels="", more_tones="")
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        self._set("_more", {key: self._read_more(key) for key in MORE if key in self.kinds})
         for name, _, kind in self.list_disturbances():
             with _named(name):
                 kind.check(self)
@@ -47,8 +55,36 @@ class DisturbanceSettings(SharedSettings):
         return [
             (name, number, kind)
             for key, kinds in self.kinds.items()
-            for number, (name, kind) in enumerate(list_members(kinds, key), 1)
+            for number, (name, kind) in enumerate(list_members(self._join(key, kinds), key), 1)
         ]
+
+    def _join(self, key: str, kinds: Kind | tuple[Kind, ...]) -> Kind | tuple[Kind, ...]:
+        more: Mapping[str, tuple[Kind, ...]] = self._more  # type: ignore[attr-defined]  # set when this was made
+        return (*kinds, *more.get(key, ())) if isinstance(kinds, tuple) else kinds
+
+    def _read_more(self, key: str) -> tuple[Kind, ...]:
+        """The further disturbances of a kind; what an object leaves out is as in the first one by default."""
+        name, own = f"more_{key}", self.kinds[key]
+        text: str = getattr(self, name)
+        assert isinstance(own, tuple)
+        if not text:
+            return ()
+        try:
+            tables = json.loads(text)
+        except (ValueError, RecursionError) as error:
+            raise ParameterError(name, f"expected a JSON list of objects: {error}") from None
+        if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
+            raise ParameterError(name, f"expected a JSON list of objects, got {reprlib.repr(text)}")
+        if len(tables) > MOST_MORE:
+            raise ParameterError(name, f"{len(tables)} are too many: expected at most {MOST_MORE}")
+        default, found = type(own[0]).make_defaults(load())[0], []  # type: ignore[index]  # a tuple, as own is
+        for number, table in enumerate(tables, len(own) + 1):
+            try:
+                found.append(replace_values(default, table))
+            except ParameterError as error:
+                label = f"{key.removesuffix('s')}_{number}"
+                raise ParameterError(name, f"{label}.{error.name}: {error.problem}") from None
+        return tuple(found)
 
 
 def default_settings(p: Parameters) -> DisturbanceSettings:
@@ -127,10 +163,18 @@ class Disturbance:
             left = max(left - (1 if made is None else made.left), 0)
             yield left if made is None else made.put_before(left)
 
+    def explain(self) -> list[str]:
+        """What a user should know of the settings, a text for each disturbance that has something."""
+        return self._name(kind.explain() for _, _, kind in self._settings.list_disturbances())
+
     def explain_aliasing(self, h: float) -> list[str]:
         """What is wrong with steps of ``h`` (s), a text for each disturbance that has a complaint."""
-        texts = [(name, kind.explain_aliasing(h)) for name, _, kind in self._settings.list_disturbances()]
-        return [text if name == "noise" else f"{name}: {text}" for name, text in texts if text is not None]
+        return self._name(kind.explain_aliasing(h) for _, _, kind in self._settings.list_disturbances())
+
+    def _name(self, texts: Iterable[str | None]) -> list[str]:
+        names = (name for name, _, _ in self._settings.list_disturbances())
+        pairs = zip(names, texts, strict=True)
+        return [text if name == "noise" else f"{name}: {text}" for name, text in pairs if text is not None]
 
     def explain_end(self, time: float) -> list[str]:
         """Which disturbances were cut off before ``time`` (s), a text for each."""

@@ -9,9 +9,10 @@ derivative, as the force of an unbalance is::
 So the momentum that it gives to a free body is bounded by that of a steady wheel, also after a run-up.  A speed that
 jumps (a ramp of no duration) leaves momentum: there the second derivative would be an impulse, which is left out.
 
-Coefficients: the two CSV files beside this module, lines ``h_i, C_i`` without header, C_i in N/(rad/s)^2 and
-N.m/(rad/s)^2.  They belong to a small reaction wheel in the sample satellite of the spacecraft simulator S2E
-(github.com/ut-issl/s2e-core), whose licence is beside them.
+Order 1 is the imbalance: C_1 is the static imbalance U in kg.m, of the torque the dynamic imbalance D in kg.m2, so that
+F = U W^2 and M = D W^2.  The other orders come from a CSV file, see :class:`HarmonicTable`.  The file beside this
+module has the proportions of a small reaction wheel in the sample satellite of the spacecraft simulator S2E
+(github.com/ut-issl/s2e-core), whose licence is beside it: there C_1 is 2.18e-7 kg.m and 6.30e-9 kg.m2, at order 1.01.
 
 Left out: axial force, torque about the spin axis, structural modes of the wheel, gyroscopic moments.
 """
@@ -20,6 +21,7 @@ from __future__ import annotations
 
 import csv
 import pkgutil
+import reprlib
 from ctypes import byref, c_int64, pointer
 from dataclasses import dataclass
 from functools import cached_property
@@ -34,7 +36,7 @@ from ..numerics import library
 from ..numerics.calls import Calls, Progress, WheelRows
 from ..numerics.library import find_address
 from ..numerics.normal import Stream, make_key
-from .kind import Kind, SharedSettings, Source, explain_folding
+from .kind import Kind, SharedSettings, explain_folding
 from .spectrum import ramp
 from .turning import Products, Speed, SpeedProfile, SpeedTable, plan_products
 
@@ -49,36 +51,104 @@ class Harmonics:
     coefficients: Array
 
 
-def read_harmonics(text: str, name: str) -> Harmonics:
-    """The content of a file, lines ``h, C`` without header; ``name`` is its name.
+@dataclass(frozen=True, eq=False)
+class HarmonicTable:
+    """Orders h (n,) of a file with the coefficients C of radial force and torque (n, 2) there.
 
-    Raises
-    ------
-    ParameterError: a line does not hold two numbers, h > 0 and C >= 0; the text has its number.
+    The file has a header with the columns ``order [1]``, ``force [...]`` and ``torque [...]``, one of which may be
+    missing.  ``relative``: of force and torque, whether coefficients are parts of the imbalance (unit 1), else they are
+    in kg.m = N/(rad/s)^2 and kg.m2.
     """
-    rows: list[tuple[float, float]] = []
-    for number, fields in enumerate(csv.reader(text.splitlines()), 1):
-        where = f"{name}, line {number}"
+
+    name: str
+    orders: Array
+    coefficients: Array
+    relative: tuple[bool, bool]
+
+    @classmethod
+    def read(cls, text: str, name: str) -> HarmonicTable:
+        """The content of a file; ``name`` is its name.
+
+        Raises ParameterError, naming ``harmonics`` and the line: what is missing or no number, h <= 0 or C < 0, a unit
+        that is not one of :data:`FORCE_UNITS` or :data:`TORQUE_UNITS`.
+        """
+        lines = csv.reader(text.splitlines())
+        columns = [" ".join(field.split()).rstrip("]").partition(" [") for field in next(lines, [])]
+        places = {column[0]: place for place, column in enumerate(columns)}
+        if "order" not in places or not {"force", "torque"} & places.keys():
+            expected = "'order [1]' and 'force [g.cm]' or 'torque [g.cm2]', or both"
+            raise ParameterError("harmonics", f"{name}, line 1: expected the columns {expected}")
+        scales = [1.0, 0.0, 0.0]
+        for k, (kind, known) in enumerate((("order", {"1": 1.0}), ("force", FORCE_UNITS), ("torque", TORQUE_UNITS))):
+            if kind in places:
+                unit = columns[places[kind]][2].replace("^", "")
+                if unit not in known:
+                    problem = f"{kind} [{unit}]: expected one of the units {', '.join(known)}"
+                    raise ParameterError("harmonics", f"{name}, line 1: {problem}")
+                scales[k] = known[unit]
+        rows = []
+        kinds = ("order", "force", "torque")
+        for number, fields in enumerate(lines, 2):
+            if not "".join(fields).strip():
+                continue
+            try:
+                given = [float(fields[places[kind]]) if kind in places else 0.0 for kind in kinds]
+            except (ValueError, IndexError):
+                problem = f"expected {len(columns)} numbers, got {reprlib.repr(fields)}"
+                raise ParameterError("harmonics", f"{name}, line {number}: {problem}") from None
+            if not (0.0 < given[0] < np.inf and min(given[1:]) >= 0.0 and max(given[1:]) < np.inf):
+                problem = f"expected an order above 0 and coefficients of 0 or more, got {reprlib.repr(fields)}"
+                raise ParameterError("harmonics", f"{name}, line {number}: {problem}")
+            rows.append(given)
+            if len(rows) > MOST_HARMONICS:
+                raise ParameterError("harmonics", f"{name}: more than {MOST_HARMONICS} harmonics")
+        found = np.array(rows).reshape(-1, 3) * scales
+        relative = tuple(kind in places and columns[places[kind]][2] == "1" for kind in ("force", "torque"))
+        return cls(name, found[:, 0], found[:, 1:], relative)  # type: ignore[arg-type]  # two of them
+
+    @classmethod
+    def read_file(cls, path: Path) -> HarmonicTable:
+        """As :meth:`read`; raises ParameterError also for a file that is not there, too long or no text."""
         try:
-            order, coefficient = (float(field) for field in fields)
-        except ValueError:
-            raise ParameterError(where, f"expected two numbers, got {fields!r}") from None
-        if not (0.0 < order < np.inf and 0.0 <= coefficient < np.inf):
-            raise ParameterError(where, f"expected h > 0 and C >= 0, got {fields!r}")
-        rows.append((order, coefficient))
-    if not rows:
-        raise ParameterError(name, "holds no harmonics")
-    orders, coefficients = np.array(rows).T
-    return Harmonics(orders, coefficients)
+            if not path.is_file():
+                raise ParameterError("harmonics", f"no file {str(path)!r} (relative paths start at {Path.cwd()})")
+            if path.stat().st_size > MOST_BYTES:
+                raise ParameterError("harmonics", f"{path.name} has more than {MOST_BYTES} bytes")
+            return cls.read(path.read_text(encoding="utf-8-sig"), path.name)
+        except (OSError, UnicodeDecodeError, csv.Error) as error:
+            raise ParameterError("harmonics", f"{path.name} is no CSV file in UTF-8: {error}") from error
+
+    def with_imbalance(self, imbalance: float, kind: int) -> Harmonics:
+        """All harmonics of the force (``kind`` 0) or torque (1) with an imbalance, kg.m or kg.m2, at order 1.
+
+        Raises ParameterError for an imbalance beside an order of the table that is as near to 1 as 2 %.
+        """
+        there = self.coefficients[:, kind] > 0.0
+        orders, coefficients = self.orders[there], self.coefficients[there, kind]
+        near = np.abs(orders - 1.0) < NEAR_ONE
+        if imbalance and near.any():
+            what = ("static_imbalance", "dynamic_imbalance")[kind]
+            problem = f"{self.name} states order {orders[near][0]:g}, which is the imbalance, too"
+            raise ParameterError(what, f"{problem}: set {what} to 0, or take that line out of the file")
+        if self.relative[kind]:
+            coefficients = imbalance * coefficients
+        if not imbalance:
+            return Harmonics(orders, coefficients)
+        return Harmonics(np.concatenate([[1.0], orders]), np.concatenate([[imbalance], coefficients]))
 
 
-def _read_packaged(name: str) -> Harmonics:
-    return read_harmonics((pkgutil.get_data(__name__, name) or b"").decode(), name)  # an FMU has it in an archive
-
-
+_PER_RPM = (60.0 / (2.0 * np.pi)) ** 2  # (rad/s)2 over rpm2
+FORCE_UNITS = {"kg.m": 1.0, "g.cm": 1e-5, "g.mm": 1e-6, "N/(rad/s)2": 1.0, "N/rpm2": _PER_RPM, "1": 1.0}
+TORQUE_UNITS = {"kg.m2": 1.0, "g.cm2": 1e-7, "g.mm2": 1e-9, "N.m/(rad/s)2": 1.0, "N.m/rpm2": _PER_RPM, "1": 1.0}
+MOST_HARMONICS, MOST_BYTES = 1000, 1_000_000
+NEAR_ONE = 0.02  # orders as near to 1 as this are the imbalance
+STATIC, DYNAMIC = 4.8e-6, 1.54e-6  # kg.m, kg.m2
+"""Imbalance of a Honeywell HR16 of 100 N.m.s and 12 kg, 0.48 g.cm and 15.4 g.cm2: Constellation Series data sheet, as
+quoted in Basilisk's ``simIncludeRW.py`` (github.com/AVSLab/basilisk)."""
 # Read when the module is: an FMU's folder goes with its first instance, while others still run its code.
-FORCE = _read_packaged("wheel-radial-force-harmonics.csv")
-TORQUE = _read_packaged("wheel-radial-torque-harmonics.csv")
+_PACKAGED = "wheel-harmonics.csv"
+PACKAGED = HarmonicTable.read((pkgutil.get_data(__name__, _PACKAGED) or b"").decode(), _PACKAGED)  # from an archive
+FORCE, TORQUE = PACKAGED.with_imbalance(STATIC, 0), PACKAGED.with_imbalance(DYNAMIC, 1)
 
 
 class WheelSource:
@@ -92,7 +162,7 @@ class WheelSource:
     seed: initial phases of the harmonics.
     scale: factor on force and torque.
     rise_time: s.
-    force, torque: harmonics (default: those of S2E).
+    force, torque: harmonics (default: those of the default wheel).
     """
 
     rows_at_once: ClassVar[int] = _ROWS
@@ -109,7 +179,7 @@ class WheelSource:
         force: Harmonics | None = None,
         torque: Harmonics | None = None,
     ) -> None:
-        force, torque = force or FORCE, torque or TORQUE
+        self.force, self.torque = force, torque = force or FORCE, torque or TORQUE
         self.profile = profile
         self._rise_time = rise_time
         self._orders = np.concatenate([force.orders, torque.orders])
@@ -242,22 +312,35 @@ class WheelSettings(Kind):
 
     name: ClassVar[str] = "wheels"
 
-    enabled: bool = quantity("", "Wheel on")
+    enabled: bool = quantity("", "True: the wheel acts")
     scale: float = quantity("1", "Factor on the wheel's force and torque", at_least=0.0)
+    static_imbalance: float = quantity(
+        "kg.m", "Static imbalance: radial force over squared speed at order 1", at_least=0.0, display="g.cm"
+    )
+    dynamic_imbalance: float = quantity(
+        "kg.m2", "Dynamic imbalance: radial torque over squared speed at order 1", at_least=0.0, display="g.cm2"
+    )
+    harmonics: str = quantity("", "CSV file of the other orders; empty: proportions of a small wheel to the imbalance")
     spin_axis_B: Array = quantity("1", "Direction of the spin axis, in B", shape=(3,))
     position_B: Array = quantity("m", "Centre of the wheel, in B", shape=(3,))
     initial_speed: float = quantity("rad/s", "Speed before the ramp", display="rpm")
     final_speed: float = quantity("rad/s", "Speed after the ramp", display="rpm")
     ramp_start: float = quantity("s", "Time at which the speed begins to change")
-    ramp_duration: float = quantity("s", "Time that the change of speed takes", at_least=0.0)
-    speed_profile: str = quantity("", "CSV file with time [s] and speed [rpm] in place of the ramp; empty: none")
+    ramp_duration: float = quantity("s", "Duration of the change of speed", at_least=0.0)
+    speed_profile: str = quantity(
+        "", "CSV file with time [s] and speed [rpm], used in place of the ramp; empty: the ramp"
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if np.linalg.norm(self.spin_axis_B) < 1e-9:
             raise ParameterError("spin_axis", "must not be the zero vector")
-        if not isinstance(self.speed_profile, str):
-            raise ParameterError("speed_profile", f"expected text, got {self.speed_profile!r}")
+
+    @cached_property
+    def tables(self) -> tuple[Harmonics, Harmonics]:
+        """Harmonics of radial force and torque.  Raises ParameterError: the file cannot be used."""
+        table = HarmonicTable.read_file(Path(self.harmonics)) if self.harmonics else PACKAGED
+        return table.with_imbalance(self.static_imbalance, 0), table.with_imbalance(self.dynamic_imbalance, 1)
 
     @cached_property
     def profile(self) -> Speed:
@@ -273,6 +356,9 @@ class WheelSettings(Kind):
             cls(
                 enabled=False,
                 scale=1.0,
+                static_imbalance=STATIC,
+                dynamic_imbalance=DYNAMIC,
+                harmonics="",
                 spin_axis_B=np.array(axis),
                 position_B=p.bus.com_B,
                 initial_speed=200.0,  # rad/s
@@ -284,17 +370,18 @@ class WheelSettings(Kind):
             for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 1.0, 1.0))
         )
 
-    def make_source(self, shared: SharedSettings, number: int) -> Source | None:
+    def make_source(self, shared: SharedSettings, number: int) -> WheelSource | None:
         """The wheel; its initial phases depend on seed and number.  Raises ParameterError for an unusable profile."""
         if not self.enabled:
             return None
         seed = make_key(Stream.WHEEL, shared.seed, number)
-        return WheelSource(self.profile, self.spin_axis_B, self.position_B, seed, self.scale, shared.rise_time)
+        place = self.spin_axis_B, self.position_B
+        return WheelSource(self.profile, *place, seed, self.scale, shared.rise_time, *self.tables)
 
     def explain_aliasing(self, h: float) -> str | None:
         """That the steps fold the highest harmonic at the highest speed."""
         if not self.enabled:
             return None
         speed = self.profile.highest
-        order = max(FORCE.orders.max(), TORQUE.orders.max())
+        order = max(float(table.orders.max(initial=0.0)) for table in self.tables)
         return explain_folding(f"harmonic {order:g} of {speed:g} rad/s", order * speed / (2.0 * np.pi), h)

@@ -17,6 +17,7 @@ from ..actuators.voice_coil import Coils
 from ..control.isolator import Isolator
 from ..control.pointing import PointingLaw
 from ..cosim import System, Value
+from ..cosim.ssp.packing import find_values
 from ..mechanism.linear_model import Plant
 from ..mechanism.parameters import load
 from ..mechanism.quantities import Array, Complex, ParameterError, list_entries, take_values
@@ -110,10 +111,10 @@ class Reserve(NamedTuple):
         return -self.pole.real / abs(self.pole)
 
     def __str__(self) -> str:
-        edge = f"gain margin {self.gain_db:+.1f} dB" if np.isfinite(self.gain_db) else (
-            f"gain margin above {MOST_GAIN_DB:g} dB"
-        )  # fmt: skip
-        return f"least damped pole at {self.frequency_hz:.4g} Hz with damping ratio {self.damping_ratio:.2g}, {edge}"
+        edge = f"{abs(self.gain_db):.1f} dB" if np.isfinite(self.gain_db) else f"more than {MOST_GAIN_DB:g} dB"
+        side = " downwards" if self.gain_db < 0.0 and np.isfinite(self.gain_db) else ""
+        pole = f"{self.frequency_hz:.4g} Hz, damping ratio {self.damping_ratio:.2g}"
+        return f"least damped pole that the isolator moves: {pole}; gain margin: {edge}{side}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,9 +140,7 @@ class SystemModel:
     @cached_property
     def disturbance(self) -> DisturbanceSettings:
         """What the source of disturbances makes.  Raises ``ParameterError`` for an impossible value."""
-        from ..disturbance import default_settings  # here: whether a loop is stable does not depend on it
-
-        return _take(self.system, self.components[SOURCE], default_settings(load()))
+        return read_disturbance(self.system, self.components[SOURCE])
 
     def without_pointing(self) -> SystemModel:
         """The same with the line-of-sight loop off."""
@@ -306,6 +305,10 @@ class Circuit:
 
     def advise(self) -> str:
         """What makes an unstable loop stable: no delay, or the parameters that move its rightmost pole most."""
+        return self._advice
+
+    @cached_property
+    def _advice(self) -> str:
         late = [name for name, entry in self.model.turned.items() if name.endswith(".delay") and entry.value]
         without = [name for name in late if not len(self._turn({name: 0.0}).unstable)]
         said = [f"Without {name} ({self._show(name)}) it is stable" for name in without]
@@ -448,6 +451,16 @@ def read_model(system: System, step: float | None = None) -> SystemModel:
         h,
         dict(_list_turned(system, components)),
     )
+
+
+def read_disturbance(system: System, component: str) -> DisturbanceSettings:
+    """What a source of disturbances makes with its start values.  Raises ``ParameterError`` for an impossible value."""
+    from ..disturbance import default_settings  # here: whether a loop is stable does not depend on it
+
+    try:
+        return take_values(default_settings(load()), find_values(system.component(component)))
+    except ParameterError as error:
+        raise ParameterError(f"{component}.{error.name}", error.problem) from None
 
 
 def _list_turned(system: System, components: Mapping[str, str]) -> Iterator[tuple[str, Turned]]:

@@ -6,9 +6,10 @@ any system from one description of the instrument (:func:`make_start_values`).
 
 from __future__ import annotations
 
+import json
 import re
 import reprlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from fmpy.model_description import ModelDescription, ModelVariable
@@ -23,11 +24,14 @@ from ..mechanism.instrument import Instrument
 from ..mechanism.linear_model import Plant
 from ..mechanism.parameters import Parameters, load
 from ..mechanism.quantities import ParameterError, list_entries, replace_values, take_values
+from ..slavekit.author.units import parse_unit
 from .agreement import APART, REFERENCE
 
 Physics = Callable[[Parameters], Any]
 """Makes what the parameters of an FMU are from a parameter set, see :mod:`.instrument_file`."""
 _DEEPEST = 10  # tables in tables below [start]
+_NUMBER = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(\S.*)")
+_BOTH = {"speed": ("initial_speed", "final_speed")}  # of a [[wheel]]
 
 #: Start values of the isolator that are not of a parameter set.
 IDEAL: dict[str, Value] = {f"isolator.{name}": 0.0 for name in ("delay", "sample_time", "force_limit")}
@@ -109,12 +113,18 @@ def make_start_values(
     p = instrument.parameters.fill_places()
     values: dict[str, dict[str, Value]] = {}
     given: set[str] = set()
+    lists = {kind: tables for kind, tables in instrument.lists.items() if tables}
     for name in names:
         variables = list_settable(descriptions[name])
-        own = dict(_flatten(instrument.start.get(name, {}), variables, f"start.{name}"))
         make = physics.get(descriptions[name].modelName)
+        own: dict[str, Value] = {}
+        for kind in [kind for kind in lists if f"more_{kind}s" in variables]:
+            own |= _place_list(kind, lists.pop(kind), variables, None if make is None else make(p))
+        own |= dict(_flatten(instrument.start.get(name, {}), variables, f"start.{name}"))
         values[name] = {**({} if make is None else _list_values(make, p, own, variables, name)), **own}
         given |= {f"{name}.{variable}" for variable in own}
+    for kind in lists:
+        raise ParameterError(f"[[{kind}]]", f"no FMU of the system has {kind}s: it has no disturbance source")
     return _select(values, descriptions, given, everything)
 
 
@@ -122,6 +132,31 @@ def list_settable(description: ModelDescription) -> dict[str, ModelVariable]:
     """The parameters and inputs of an FMU by name."""
     variables = index_variables(description)
     return {name: found for name, found in variables.items() if found.causality in ("parameter", "input")}
+
+
+def _place_list(
+    kind: str, tables: Sequence[Any], variables: Mapping[str, ModelVariable], settings: Any
+) -> dict[str, Value]:
+    """Start values of ``wheel_1``, ``wheel_2`` ... for tables ``[[wheel]]``; ``more_wheels`` has those beyond them.
+
+    ``settings``: those of the FMU with this parameter set, where a further wheel is if its table does not say that.
+    """
+    found: dict[str, Value] = {}
+    further = []
+    for number, table in enumerate(tables, 1):
+        full = {name: value for name, value in table.items() if name not in _BOTH}
+        full |= {name: table[key] for key, both in _BOTH.items() if key in table for name in both}
+        if f"{kind}_1.enabled" in variables:
+            full.setdefault("enabled", True)
+        place = f"{kind}_{number}"
+        if f"{place}.frequency" in variables or f"{place}.enabled" in variables:
+            found |= dict(_flatten(full, variables, f"[[{kind}]] {number}", place))
+            continue
+        first = f"{kind}_1."
+        own = {entry.name: entry.value for entry in list_entries(settings) if entry.name.startswith(f"{first}position")}
+        own |= dict(_flatten(full, variables, f"[[{kind}]] {number}", first[:-1]))
+        further.append({name.removeprefix(first): value for name, value in own.items()})
+    return found | ({f"more_{kind}s": json.dumps(further)} if further else {})
 
 
 def _list_values(
@@ -176,9 +211,20 @@ def _convert(name: str, value: Any, variables: Mapping[str, ModelVariable], wher
     if name not in variables:
         raise _unknown(name, variables, where)
     try:
+        if variables[name].type == "Real" and isinstance(value, str):
+            value = _read_number(value, get_unit(variables[name]) or "1")
         return convert_value(variables[name], value)
     except (UsageError, OverflowError) as error:
         raise ParameterError(f"{where}.{name}", str(error)) from None
+
+
+def _read_number(text: str, unit: str) -> float:
+    """A number of a unit from a text such as ``0.3 g.cm``.  Raises UsageError."""
+    found, wanted = _NUMBER.fullmatch(text.strip()), parse_unit(unit)
+    own = None if found is None else parse_unit(found[2])
+    if found is None or own is None or wanted is None or own.exponents != wanted.exponents or own.offset:
+        raise UsageError(f"expected a number in {unit}, or a text with another unit of it, got {text!r}")
+    return float(found[1]) * own.scale / wanted.scale
 
 
 def _unknown(name: str, variables: Mapping[str, ModelVariable], where: str) -> ParameterError:

@@ -14,14 +14,16 @@ of ``[[bus.modes]]``, of ``[bus.finite_elements]`` (:mod:`.finite_elements`) and
 (:class:`.modes.Appendage`); those of the payload likewise, without appendages.  A file without ``[bus]`` has the buses
 of its base.  Who gives ``payload.com_P`` without ``isolator.known_com_P`` has an isolator that knows it exactly.
 
-``[start.COMPONENT]`` holds what no table of ``paper.toml`` speaks of: other parameters and inputs of the FMUs.
+``[[wheel]]`` and ``[[tone]]``, any number of each, are reaction wheels and sines of the disturbance.
+``[start.COMPONENT]`` holds what no table of ``paper.toml`` speaks of: other parameters and inputs of the FMUs.  In all
+of these a text that ends with ``.csv`` names a file: in the folder of this one, or else in the working directory.
 """
 
 from __future__ import annotations
 
 import copy
 import reprlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -36,7 +38,8 @@ from .quantities import ParameterError, check_inertia, check_number, check_truth
 Table = dict[str, Any]
 
 TABLES = ("manipulator", "payload", "bus", "servo", "optics", "filters", "isolator", "noise")
-KEYS = ("base", *TABLES, "start")
+LISTS = ("wheel", "tone")
+KEYS = ("base", *TABLES, *LISTS, "start")
 OWN_BUS = "own"
 """Name of the bus that ``[bus]`` states without a name."""
 DEFAULT_BUS = "OSM"
@@ -53,6 +56,8 @@ class Instrument:
     parameters: Parameters
     start: Table
     """``[start]``: by component, the values of its parameters and inputs as nested tables."""
+    lists: Mapping[str, Sequence[Table]]
+    """By the name of :data:`LISTS`, the tables ``[[wheel]]`` and ``[[tone]]``."""
     inherited: tuple[str, ...]
     """Entries of the base that the file leaves as they are, such as ``payload.truss_modes``; whole tables as one."""
     remarks: tuple[str, ...] = ()
@@ -80,15 +85,31 @@ def read_instrument(path: Path, bus: str | None = None) -> Instrument:
             raise ParameterError(name, 'missing: with base = "paper" at its head, a file need give only what differs')
     name, entries = _select_bus(table, bus)
     inherited = tuple(_list_inherited(own, table)) if "base" in own else ()
-    return Instrument(make_parameters(table, entries, name), table.get("start", {}), inherited, tuple(remarks))
+    lists = {name: table.get(name, []) for name in LISTS}
+    return Instrument(make_parameters(table, entries, name), table.get("start", {}), lists, inherited, tuple(remarks))
 
 
 def _read(path: Path) -> Table:
     table = read_table(path)
     refuse_unknown(table, KEYS, "")
-    for key in set(table) - {"base"}:
+    for key in set(table) - {"base", *LISTS}:
         _check_table(table[key], key)
-    return table
+    for key in LISTS:
+        if not isinstance(table.get(key, []), list):
+            raise ParameterError(key, f"write each as [[{key}]], got {reprlib.repr(table[key])}")
+        for item in table.get(key, []):
+            _check_table(item, f"[[{key}]]")
+    return table | {key: _find_files(table[key], path.parent) for key in (*LISTS, "start") if key in table}
+
+
+def _find_files(value: Any, folder: Path) -> Any:
+    """The value, with the absolute path of each file of numbers that lies in a folder."""
+    if isinstance(value, dict):
+        return {key: _find_files(item, folder) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_find_files(item, folder) for item in value]
+    is_name = isinstance(value, str) and value.endswith(".csv") and value.isprintable()
+    return str((folder / value).absolute()) if is_name and (folder / value).is_file() else value
 
 
 def _check_table(value: Any, name: str) -> Table:

@@ -160,6 +160,8 @@ class Checked:
                 self._set(f.name, check_whole(value, name, **f.metadata["bounds"]))
             elif f.type == "bool":
                 self._set(f.name, check_truth(value, name))
+            elif f.type == "str" and not isinstance(value, str):
+                raise ParameterError(name, f"expected text, got {reprlib.repr(value)}")
 
     def _set(self, name: str, value: object) -> None:
         object.__setattr__(self, name, value)

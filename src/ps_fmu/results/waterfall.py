@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 RANGE_DB = 100.0  # from the largest amplitude down: some 60 lie between the largest line and the smallest
 SHOWN = 1.35  # times the highest mode: how far the picture goes
 _COLOURS = "magma"
-_BESIDE = 0.02  # of the width: names that are nearer than this are written as one
+_BESIDE = 0.045  # of the width: names that are nearer than this are written as one
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,7 +141,7 @@ def _draw_lines(axes: Axes, shown: Waterfall, end: float) -> None:
     placed: list[tuple[float, float]] = []
     height = abs(shown.ordinate[-1] - shown.ordinate[0])
     for line in sorted(shown.lines, key=lambda each: each.order):
-        axes.plot(line.frequency, shown.ordinate, color="white", lw=0.7, ls=(0, (1, 3)), alpha=0.7)
+        axes.plot(line.frequency, shown.ordinate, color="white", lw=1.1, ls=(0, (1, 3)), alpha=0.9)
         inside = np.flatnonzero(line.frequency <= 0.985 * end)
         if not inside.size or not line.frequency.max() > 0.0:
             continue
@@ -150,7 +150,7 @@ def _draw_lines(axes: Axes, shown: Waterfall, end: float) -> None:
         if all(abs(x - a) > 0.03 * end or abs(y - b) > 0.03 * height for a, b in placed):
             placed.append((x, y))
             axes.annotate(
-                f"{line.order:g}", (x, y), xytext=(-2, -3), textcoords="offset points", color="white", fontsize=9,
+                f"{line.order:g}", (x, y), xytext=(-2, -3), textcoords="offset points", color="white", fontsize=11,
                 ha="right", va="top",
             )  # fmt: skip
 
@@ -169,7 +169,7 @@ def _name_modes(axes: Axes, modes: Sequence[ModeLine], end: float) -> None:
     for group in groups:
         axes.annotate(
             name_group(group), (float(np.mean([mode.frequency for mode in group])), 1.0),
-            xycoords=("data", "axes fraction"), xytext=(0, 4), textcoords="offset points", rotation=35.0, fontsize=10,
+            xycoords=("data", "axes fraction"), xytext=(0, 4), textcoords="offset points", rotation=35.0, fontsize=12,
             ha="left", va="bottom", rotation_mode="anchor", annotation_clip=False,
         )  # fmt: skip
 

@@ -5,13 +5,22 @@ The disturbance source reads CSV.  A netCDF file is written again as CSV into th
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ..disturbance.recording import HEADER, MAX_ROWS, read_columns
-from ..mechanism.quantities import Array, ParameterError
+from ..cosim import System, UsageError
+from ..cosim.ssp.packing import find_values
+from ..disturbance.recording import HEADER, MAX_ROWS, RecordingSettings, read_columns
+from ..interface.linear_system import PLANT, read_disturbance
+from ..mechanism.dynamics import bus_mass, rigid_body_mass
+from ..mechanism.linear_model import Plant
+from ..mechanism.parameters import load
+from ..mechanism.quantities import Array, ParameterError, take_values
 from ..reduction.columns import NETCDF_LOCK
+from ..results.style import engineering
 from ..slavekit.author.units import parse_unit
 from .options import CONVERTED, OptionError, RunOptions
 
@@ -44,6 +53,58 @@ def provide_recording(options: RunOptions, path: Path) -> Path:
             f"{options.duration_s:g} s"
         )
     return read.absolute()
+
+
+def explain_drift(system: System, component: str, duration_s: float) -> Iterator[str]:
+    """What the recording of a disturbance source leaves behind in a run, a text for each thing: a drift, and a jump.
+
+    The drift is that of the free spacecraft as one rigid body, bus and payload, from rest.  It is mentioned where it is
+    larger than the motion that stays without it.  Raises :class:`ps_fmu.cosim.UsageError` for an unusable recording.
+    """
+    where = f"{component}.recording"
+    try:
+        settings = read_disturbance(system, component)
+        own = settings.kinds["recording"]
+        assert isinstance(own, RecordingSettings)
+        recording = own.make_source(settings, 1)
+    except ParameterError as error:
+        name = error.name if error.name.startswith(component) else f"{where}.{error.name}"
+        raise UsageError(f"{name}: {error.problem}") from error
+    if recording is None:
+        return
+    file, (begin, end) = Path(own.path).name, recording.span
+    plant = next((one for one in system.components if one.source.stem == PLANT), None)
+    if plant is not None and not own.detrend:
+        physics = take_values(Plant.from_parameters(load()), find_values(plant))
+        payload, place_B = physics.payload, physics.manipulator.nominal_translation_B
+        mass = bus_mass(physics.bus) + rigid_body_mass(payload.mass, place_B + payload.com_P, payload.inertia_P)
+        left, steady = recording.integrate(duration_s), own.make_recording(settings, detrend=True)
+        moved = np.linalg.solve(mass, left.second)
+        swing = np.abs(np.linalg.solve(mass, steady.swing(duration_s).T)).max(axis=1)
+        if (np.abs(moved) > swing).any():
+            over = _describe(left.second / duration_s, "N.s", "N.m.s")
+            last = _describe(left.first, "N.s", "N.m.s")
+            yield (
+                f"{where}: {file} gives the free spacecraft a mean momentum of {over} over {duration_s:g} s, and "
+                f"{last} at the end: it drifts by {_describe(moved, 'm', 'rad')}, where all else moves it by up to "
+                f"{_describe(swing, 'm', 'rad')}. "
+                f"{where}.detrend = true takes the drift out"
+            )
+    if recording.repeats and duration_s > end and (np.abs(recording.jump) > 5.0 * recording.usual_jump).any():
+        yield (
+            f"{where}: {file} jumps by {_describe(recording.jump, 'N', 'N.m')} each time it begins again, every "
+            f"{end - begin:g} s; {where}.overlap = 1 s, for example, fades its end into its beginning"
+        )
+
+
+def _describe(wrench: NDArray[np.floating], unit: str, of_torque: str) -> str:
+    """The magnitudes of both parts of a vector (6,)."""
+    texts = []
+    for part, name in ((wrench[:3], unit), (wrench[3:], of_torque)):
+        size = float(np.linalg.norm(part))
+        factor, label = engineering(name, size)
+        texts.append(f"{factor * size:.3g} {label}")
+    return " and ".join(texts)
 
 
 def read_netcdf(path: Path) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from contextlib import closing, nullcontext
 from dataclasses import replace
 
@@ -62,6 +62,19 @@ class Run:
             system = replace(system, runner=Runner(system.structure, stays=True))
         self._system = system
         return system
+
+    def load_original(self, around: Collection[str]) -> RunSystem | None:
+        """The system without the FMUs that replace others, but those ``around``; None: there are no others.
+
+        What is found of its runs goes where that of :attr:`system` goes.
+        """
+        kept = {name: path for name, path in self.options.replace.items() if name in around}
+        if kept == self.options.replace:
+            return None
+        other, mine = load_system(replace(self.options, replace=kept)), self.system
+        return replace(
+            other, judge=mine.judge, indices=mine.indices, warnings=mine.warnings, costs=mine.costs, kept=mine.kept
+        )
 
     def close(self) -> None:
         """Free the FMUs, if no other run shares them; safe to call twice."""

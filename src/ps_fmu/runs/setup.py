@@ -24,7 +24,7 @@ from ..cosim.schemes.scheme import Scheme, make_scheme
 from ..cosim.signals import Signal, read_signals
 from ..cosim.ssp.reading import complete_experiment, fit_duration, read_any_system
 from ..cosim.structure import Parameter, PortName, parse_port
-from ..interface.linear_system import DELAYS
+from ..interface.linear_system import DELAYS, Circuit
 from ..mechanism.quantities import ParameterError
 from ..results.summary import FmuFile
 from ..theory.sampled import round_delay
@@ -37,7 +37,9 @@ from .scenario import Need
 from .stored_rows import KeptRows
 
 SEED = "disturbance.seed"
-RECORDING_PATH = "disturbance.recording.path"
+_PATH = "recording.path"
+RECORDING_PATH = f"disturbance.{_PATH}"
+BASE, OWN_BASE = "plant.base", "own"
 NOISE, MULTISINE = "disturbance.noise.enabled", "disturbance.noise.multisine"
 DISTURBED = (Need(SEED, "parameter", "Integer"), Need(NOISE, "parameter", "Boolean"))
 """What scenarios need that set the disturbance themselves."""
@@ -85,6 +87,8 @@ class RunSystem:
     """All that a run can record."""
     kept: KeptRows | None = None
     """Where the rows of the runs are kept in memory; None: they are written into results.nc."""
+    circuits: dict[tuple[object, ...], Circuit] = field(default_factory=dict)
+    """Linear models of cases, by their step and what they set, see :mod:`.divergence`."""
     runner: Runner | None = None
     """Has the FMUs, where they stay loaded from run to run."""
 
@@ -137,20 +141,20 @@ class SystemFiles:
 def read_files(options: RunOptions) -> SystemFiles:
     """Read a system; one that is foreign as SSP says, with the values of the parameter files behind all its bindings.
 
-    Raises :class:`ps_fmu.cosim.SystemFileError` or :class:`ps_fmu.cosim.UsageError`, naming the file and line;
-    :class:`OptionError` for an instrument that cannot be used.
+    Raises :class:`ps_fmu.cosim.SystemFileError` or :class:`ps_fmu.cosim.UsageError`, naming the file and line, and
+    :class:`OptionError` for an FMU that cannot take the place of a component, and an instrument that cannot be used.
     """
     warnings = WarningLog()
     if not options.scenario.foreign:
         structure = read_system(options.system, options.fmus, outside=options.outside)
-        structure = replace_components(structure, options.replace)
+        structure = _replace_components(structure, options)
         descriptions = read_descriptions(structure)
         values, texts = _read_instrument(options, structure, descriptions)
         return SystemFiles(structure, descriptions, texts, values)
     with warnings.collect():
         sets = [read_parameters(path).entries() for path in options.parameters]
         structure = read_any_system(options.system, options.fmus, outside=options.outside, values=sets)
-        structure = replace_components(structure, options.replace)
+        structure = _replace_components(structure, options)
         descriptions = read_descriptions(structure, lenient=True)
         values, texts = _read_instrument(options, structure, descriptions)
         return SystemFiles(structure, descriptions, (*warnings.texts, *texts), values)
@@ -167,6 +171,13 @@ def _read_instrument(
         return read_start_values(options.instrument, structure, descriptions)
     except ParameterError as error:
         raise OptionError(f"--instrument: {options.instrument}: {error}") from error
+
+
+def _replace_components(structure: System, options: RunOptions) -> System:
+    try:
+        return replace_components(structure, options.replace)
+    except UsageError as error:
+        raise OptionError(f"--replace: {str(error).removeprefix('--replace: ')}") from error
 
 
 def settle_times(options: RunOptions, files: SystemFiles) -> RunOptions:
@@ -242,10 +253,18 @@ def load_system(
     except UsageError as error:
         raise ColumnsError(str(error)) from error
     select_stored(columns, options.observe)
+    judge = read_judge(options, columns, floats=_floats(structure, descriptions))
     system = RunSystem(
-        structure, descriptions, given, scheme, warnings, read_judge(options, columns), faults=faults, inputs=inputs,
+        structure, descriptions, given, scheme, warnings, judge, IndexLog(judge.list_windows()), faults=faults,
+        inputs=inputs,
         also=frozenset(also), columns=columns,
     )  # fmt: skip
+    source = parse_port(SEED).component
+    if disturbed and _PATH in structure.component(source).parameters:
+        from .recorded import explain_drift  # with all kinds of disturbance, which other runs do not need
+
+        for text in explain_drift(structure, source, options.duration_s):
+            warnings.add(text)
     for name, set_s in list_delays(system):
         if (acts_s := round_delay(set_s, options.step_s)) != set_s:
             system.warnings.add(describe_rounding(name, system.get_origin(name), set_s, acts_s, options.step_s))
@@ -287,6 +306,16 @@ def check_needs(options: RunOptions, structure: System, descriptions: Mapping[st
             f"--system: {options.system} does not fit the scenario {scenario.name}:\n{listed}\n"
             f"ps-fmu list {scenario.name} lists all that it uses; ps-fmu run {options.system} runs any system"
         )
+
+
+def _floats(structure: System, descriptions: Mapping[str, ModelDescription]) -> bool:
+    """Whether there is a plant of ps_fmu with a bus that moves as the forces on it make it."""
+    component = parse_port(BASE).component
+    variables = index_variables(descriptions[component]) if component in descriptions else {}
+    if parse_port(BASE).variable not in variables:
+        return False
+    entry = structure.component(component).parameters.get(parse_port(BASE).variable)
+    return (variables[parse_port(BASE).variable].start if entry is None else entry.value) == OWN_BASE
 
 
 def list_delays(system: RunSystem) -> Iterator[tuple[str, float]]:

@@ -1,29 +1,39 @@
-"""Default scenario: what the isolator does at one orientation, by default the nominal one.  Passive, then active."""
+"""Default scenario: what the isolator does at one orientation, by default the nominal one.  Passive, then active.
+
+Where FMUs replace components, the active case runs once more with the components of the system: the case original.
+"""
 
 from __future__ import annotations
 
 from functools import partial
 
-from ..results.tables import Table, format_angles
+from ..cosim import CosimError
+from ..results.tables import Table, format_angles, format_tables
 from ..runs.publish import Findings
 from ..runs.run import Run
-from ..runs.setup import has_disturbance
 from .amplification import explain_worse
 from .comparison import (
+    AXES,
     CASES,
-    HEADER,
     NEEDS,
+    ORIGINAL,
+    Comparison,
     compare,
     describe_alone,
+    describe_runs,
     explain_refusal,
     make_index_table,
-    make_rows,
+    make_jitter_table,
     read_target,
     run_cases,
 )
 from .exploration import explore_comparisons
+from .jitter_record import JitterRecord
 
 __all__ = ["NEEDS", "find", "list_cases"]
+
+AROUND = ("plant", "commander", "disturbance")
+"""Components that are not compared: what an isolator, its sensors and its actuators work with."""
 
 
 def list_cases() -> tuple[str, ...]:
@@ -41,23 +51,24 @@ def find(run: Run) -> Findings:
     found = compare(target, runs)
     if worse := explain_worse(found, system, run.options):
         system.warnings.add(worse)
-    table = Table("Jitter of the payload: rotation by vibration, axes of P", HEADER, make_rows(found))
-    rises = ""
-    if has_disturbance(system.descriptions):
-        rises = f"; the disturbance rises from zero over the first {system.get_number('disturbance.rise_time'):g} s"
-    text = [
-        f"FMUs in co-simulation: {', '.join(component.name for component in system.structure.components)}. The "
-        "disturbance acts on the bus twice, without and with the feedforward isolator. Tables and figures cover the "
-        f"whole run{rises}.",
-    ]
+    tables = [make_jitter_table(found, system.judge)]
+    outcomes = list(found.outcomes)
+    if (own := run.load_original(AROUND)) is not None:
+        try:
+            ((outcome, original),) = run_cases(own, run.options, target, only=(ORIGINAL,))
+        except CosimError as error:
+            system.warnings.add(f"The case {ORIGINAL} is left out, since it failed: {error}")
+        else:
+            outcomes.append(outcome)
+            tables.append(_tabulate_original(found, original, run))
     refused = "" if found.reachable else explain_refusal(found.target_deg)
     return Findings(
         title=f"Isolation at {format_angles(found.orientation_deg)} deg",
-        printed=table.to_text(),
-        text=[*filter(None, (refused, worse)), *text],
-        tables=[table],
-        tabulate=lambda: [make_index_table(found, system.indices)],
-        outcomes=found.outcomes,
+        printed=format_tables(tables),
+        text=[*filter(None, (refused, worse)), describe_runs(system, found.outcomes)],
+        tables=tables,
+        tabulate=lambda: [make_index_table(found, system)],
+        outcomes=outcomes,
         orientation_deg=found.orientation_deg,
         rms_passive_rad=found.rms_passive.tolist(),
         rms_active_rad=found.rms_active.tolist(),
@@ -66,3 +77,15 @@ def find(run: Run) -> Findings:
         explore=partial(explore_comparisons, {"": found}, system),
         refused=refused,
     )
+
+
+def _tabulate_original(found: Comparison, original: JitterRecord, run: Run) -> Table:
+    """The active case beside that with the components of the system in place of one's own."""
+    ratio = found.rms_active / original.statistics.rms
+    rows = [
+        (axis, f"{mine:.3e}", f"{theirs:.3e}", f"{one:.3g}")
+        for axis, mine, theirs, one in zip(AXES, found.rms_active, original.statistics.rms, ratio, strict=True)
+    ]
+    mine = ", ".join(path.name for path in run.options.replace.values())
+    header = ("axis", "active RMS (rad)", "original RMS (rad)", "active / original")
+    return Table(f"Active: with {mine}; original: with the components of the system in their places", header, rows)

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..cosim import Value
+from ..cosim.ssp.packing import find_values
 from ..disturbance import DisturbanceSettings, default_settings
 from ..disturbance.turning import RPM
 from ..disturbance.wheels import WheelSource
@@ -29,14 +30,13 @@ from ..theory.natural_modes import NaturalMode, find_natural_modes
 from ..theory.sampled import LOOP_DELAY, from_wrench_stepped
 from .comparison import (
     CASES,
-    HEADER,
     IN_CLOSED_FORM,
     Comparison,
     compare,
     describe_alone,
     explain_refusal,
     make_index_table,
-    make_rows,
+    make_jitter_table,
     read_target,
     run_cases,
 )
@@ -91,16 +91,16 @@ def find(run: Run) -> Findings:
         return describe_alone([outcome for outcome, _ in runs], system.indices)
     found = compare(target, runs)
     cases, waterfall = analyse(system, options, found, wheels)
-    jitter = Table("Jitter of the payload: rotation by vibration, axes of P", HEADER, make_rows(found))
+    jitter = make_jitter_table(found, system.judge)
     crossings = tabulate_crossings(cases)
     worst = [describe_worst(name, case, wheels) for name, case in cases.items()]
     refused = [] if found.reachable else [explain_refusal(found.target_deg)]
     return Findings(
         title=f"Reaction wheels: {', '.join(describe_speed(wheel, options.duration_s) for wheel in wheels)}",
-        printed="\n".join([jitter.to_text(), "", format_tables([crossings], worst)]),
+        printed=format_tables([jitter, crossings], worst),
         text=[*refused, *worst, ABOUT],
         tables=[crossings, jitter],
-        tabulate=lambda: [make_index_table(found, system.indices)],
+        tabulate=lambda: [make_index_table(found, system)],
         outcomes=found.outcomes,
         orientation_deg=found.orientation_deg,
         rms_passive_rad=found.rms_passive.tolist(),
@@ -197,7 +197,8 @@ def _read_settings(system: RunSystem) -> DisturbanceSettings:
     if missing := [name for name in wanted if name.startswith("wheel_") and name not in names]:
         raise OptionError(f"--system: the scenario wheels needs the parameter {COMPONENT}.{missing[0]}")
     values = {name: system.get_start(f"{COMPONENT}.{name}") for name in wanted if name in names}
-    settings = take_values(default, values)
+    paths = {n: v for n, v in find_values(system.structure.component(COMPONENT)).items() if isinstance(v, str)}
+    settings = take_values(default, values | paths)
     return replace(settings, kinds={"wheels": settings.kinds["wheels"]})
 
 

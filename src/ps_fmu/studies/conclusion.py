@@ -18,7 +18,7 @@ from ..results.page.cases import CaseColumn, CaseTable, Mark
 from ..results.page.content import Exploration
 from ..results.report import Report
 from ..results.summary import FmuFile, plain, versions
-from ..results.tables import Table
+from ..results.tables import Table, wrap_text
 from .case_figures import SHARE, draw_all
 from .outcome import (
     CONFIDENCE,
@@ -70,7 +70,7 @@ def tabulate_cases(outcome: Outcome, command: tuple[str, str]) -> CaseTable | No
         )
         for output in shown[:MOST_METRICS]
     ]  # fmt: skip
-    failed = {case: f"{status}: {_cut(error)}" for case, status, error in find_failed(outcome)}
+    failed = {case: f"{status}: {' '.join(error.split())}" for case, status, error in find_failed(outcome)}
     worst = [case for case, _, _ in find_worst(outcome, WORST_SHOWN)]
     measure = EFFECT if outcome.plan.study.plan == MORRIS else SHARE
     return CaseTable("Cases", CAPTION, parameters, metrics, measure, command, failed, worst)
@@ -86,18 +86,14 @@ def _rank_factors(outcome: Outcome, output: Output) -> tuple[list[float], list[s
     return [influence.strength(place) for place in places], texts, influence.describe_left(outcome.plan)
 
 
-def _cut(error: str) -> str:
-    """Its first line."""
-    return error.splitlines()[0] if error else ""
-
-
 def conclude(options: SweepOptions, prepared: Prepared, folder: Path) -> str:
     """Write ``study.parquet``, summary.json, figures and study.html; the text for the terminal.  Raises ``OSError``."""
     study = prepared.plan.study
     requirements = () if study.requirements is None else read_requirements(study.requirements)
     columns = list_columns(study, prepared.system)
     outcome = collect(folder, prepared.plan, prepared.identity.plan_sha256, columns, requirements)
-    about, tables = describe_study(outcome), make_tables(outcome, options)
+    about, tables = describe_study(outcome), make_tables(outcome)
+    again = f"To run case N again, with all signals and a report:\n  {'N'.join(split_command(options))}"
     notes = [*list_notes(outcome), *describe_signals(folder)]
     warnings = [*list_warnings(outcome), *prepared.system.warnings.texts]
     content = plain(summarise(outcome, prepared, options), "summary")
@@ -106,7 +102,7 @@ def conclude(options: SweepOptions, prepared: Prepared, folder: Path) -> str:
     headlines = len({one.output.name for one in outcome.percentiles} & {one.name for one in outcome.headlines})
     Report(
         title=study.name,
-        text=[about, *notes],
+        text=[about, *notes, again],
         warnings=warnings,
         tables=tables,
         explored=Exploration(cases=cases),
@@ -115,8 +111,9 @@ def conclude(options: SweepOptions, prepared: Prepared, folder: Path) -> str:
         fmus=[FmuFile(name, sha256) for name, sha256 in prepared.identity.fmus.items()],
         versions=versions(),
     ).write(folder / REPORT)
-    texts = [f"{table.caption}\n{table.to_text()}" for table in tables]
-    return "\n\n".join([about, *texts, *notes, *warnings, f"results in {folder}"])
+    texts = [f"{wrap_text(table.caption)}\n{table.to_text()}" for table in tables]
+    said = map(wrap_text, (*notes, *warnings))
+    return "\n\n".join([wrap_text(about), *texts, *said, again, f"results in {folder}"])
 
 
 def split_command(options: SweepOptions) -> tuple[str, str]:
@@ -201,12 +198,12 @@ def list_warnings(outcome: Outcome) -> list[str]:
     return ["\n  ".join([text, *list_reasons(failed)])] if failed else []
 
 
-def make_tables(outcome: Outcome, options: SweepOptions) -> list[Table]:
+def make_tables(outcome: Outcome) -> list[Table]:
     """The tables of terminal and page; empty ones are left out."""
     tables = [
         _tabulate_compliance(outcome),
-        _tabulate_worst(outcome, options),
-        _tabulate_failed(outcome, options),
+        _tabulate_worst(outcome),
+        _tabulate_failed(outcome),
         _tabulate_percentiles(outcome),
         _tabulate_ranking(outcome),
     ]
@@ -248,20 +245,17 @@ def _describe_pooled(one: Compliance) -> str:
     return f"{answer}: {stated.value:.4g} in the worst case; {share}, with {100.0 * stated.confidence:g} % confidence"
 
 
-def _tabulate_worst(outcome: Outcome, options: SweepOptions) -> Table:
-    rows = [
-        (str(case), f"{value:.4g} {output.unit}", output.title, command_of_case(options, case))
-        for case, value, output in find_worst(outcome)
-    ]
-    return Table("Worst cases", ("case", "value", "output", "run it again"), rows)
+def _tabulate_worst(outcome: Outcome) -> Table:
+    worst = find_worst(outcome)
+    rows = [(str(case), f"{value:.4g} {output.unit}", output.title) for case, value, output in worst]
+    return Table("Worst cases", ("case", "value", "output"), rows)
 
 
-def _tabulate_failed(outcome: Outcome, options: SweepOptions) -> Table:
-    rows = [
-        (str(case), status, _cut(error), command_of_case(options, case))
-        for case, status, error in find_failed(outcome)[:MOST_ROWS]
-    ]
-    return Table("Cases without a result", ("case", "status", "error", "run it again"), rows)
+def _tabulate_failed(outcome: Outcome) -> Table:
+    failed = find_failed(outcome)[:MOST_ROWS]
+    rows = [(str(case), status) for case, status, _ in failed]
+    reasons = [" ".join(error.split()) for *_, error in failed]
+    return Table("Cases without a result", ("case", "status"), rows, notes=reasons)
 
 
 def _tabulate_percentiles(outcome: Outcome) -> Table:

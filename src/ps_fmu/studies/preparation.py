@@ -19,6 +19,7 @@ from ..cosim.faults.binding import bind_faults
 from ..cosim.faults.numbers import change_numbers
 from ..cosim.graph import check_wiring
 from ..cosim.schemes.resolving import resolve_scheme
+from ..cosim.ssp.packing import Packed, pack_files
 from ..cosim.ssp.reading import complete_experiment
 from ..cosim.structure import Experiment, encode_system
 from ..requirements.quantity import Names, Time
@@ -58,6 +59,7 @@ def make_options(study: Study, output: Path) -> RunOptions:
         requirements=study.requirements,
         faults=study.faults,
         inputs=study.inputs,
+        disturbance=study.disturbance,
         outside=study.outside,
         isolation=study.isolation,
         fmus=study.fmus,
@@ -255,8 +257,10 @@ def make_bundle(study: Study, system: RunSystem, sources: Sources) -> Bundle:
     """The files of a study.  Raises OSError."""
     start = system.structure.experiment.start_time
     experiment = Experiment(start, start + study.duration_s, study.step_s)
-    names, files = _collect_fmus(system)
-    files[SYSTEM] = encode_system(replace(system.structure, experiment=experiment), names)
+    packed = pack_files(system.structure.components)
+    names, files = _collect_fmus(packed)
+    structure = replace(system.structure, experiment=experiment, components=packed.components)
+    files[SYSTEM] = encode_system(structure, names)
     distinct = list({source.path: source for source in sources.values()}.values())
     kept = {source.path: f"checkpoint_{number}.msgpack" for number, source in enumerate(distinct)}
     with tempfile.TemporaryDirectory(prefix="study_") as folder:
@@ -281,11 +285,9 @@ def make_bundle(study: Study, system: RunSystem, sources: Sources) -> Bundle:
     return Bundle.of(files)
 
 
-def _collect_fmus(system: RunSystem) -> tuple[dict[str, str], dict[str, bytes]]:
+def _collect_fmus(packed: Packed) -> tuple[dict[str, str], dict[str, bytes]]:
     """What the FMU of each component is called in the bundle, and the contents of all files by these names."""
-    places: dict[Path, str] = {}
-    for component in system.structure.components:
-        places.setdefault(component.source, f"{FMUS}/{len(places)}/{component.source.name}")
-    names = {component.name: places[component.source] for component in system.structure.components}
-    return names, {place: source.read_bytes() for source, place in places.items()}
+    places = {source: f"{FMUS}/{number}/{source.name}" for number, source in enumerate(packed.fmus)}
+    names = {component.name: places[component.source] for component in packed.components}
+    return names, {place: packed.fmus[source] for source, place in places.items()}
 

@@ -227,6 +227,7 @@ class _Study(Table):
     requirements: Path | None = None
     faults: Path | None = None
     inputs: Path | None = None
+    disturbance: Path | None = None
     outside: bool = False
     replace: dict[str, str] = {}
     """FMUs in place of components, by their names."""
@@ -300,6 +301,8 @@ class Study:
     """What happens to signals and parameters in each run."""
     inputs: Path | None = None
     """Inputs over time, a CSV file; None: they keep their start values."""
+    disturbance: Path | None = None
+    """A recorded wrench on the bus in place of the noise, a CSV file; None: that of the system."""
     states_step: bool = True
     """Whether the file states the step; else it is that of the system, where that states one."""
     outside: bool = False
@@ -323,6 +326,9 @@ def read_study(path: Path) -> Study:
     table = file.study
     table.put(f"{path}, study")
     _place(path, file)
+    if table.disturbance is not None and table.disturbance.suffix.lower() != ".csv":
+        hint = "a run with --disturbance writes other files as disturbance.csv into its output folder"
+        raise table.error("disturbance", f"expected a file .csv, got {str(table.disturbance)!r}; {hint}")
     for one in file.vary:
         if table.plan in (GRID, LIST) and one.distribution not in (VALUES, STEPS):
             problem = f"the plan {table.plan!r} needs values, or steps from low to high; got {one.distribution}"
@@ -351,6 +357,7 @@ def read_study(path: Path) -> Study:
         signals=file.signals,
         faults=table.faults and _find(path, table, "faults", table.faults),
         inputs=table.inputs and _find(path, table, "inputs", table.inputs),
+        disturbance=table.disturbance and _find(path, table, "disturbance", table.disturbance),
         outside=table.outside,
         replace={name: _find(path, table, "replace", Path(fmu)) for name, fmu in table.replace.items()},
         branch=None if file.from_ is None else _find_checkpoint(path, file.from_),

@@ -25,13 +25,16 @@ from ..errors import SystemFileError, UsageError, WiringError
 from ..graph import Wiring, check_wiring
 from ..structure import COMPONENT_NAME, Component, Parameter, System, Value
 from ..values import EXPONENTS
+from .packing import pack_files
 from .reading import FMU_TYPE, PARAMETER_TYPE, SSD_NAME
 
 _PLAIN = re.compile(r"[A-Za-z0-9_.-]+")
 
 
-def write_ssp(system: System, output: Path) -> None:
+def write_ssp(system: System, output: Path) -> tuple[str, ...]:
     """Write a system, see :func:`read_system`, into the file ``output``; the same system gives the same bytes.
+
+    Files that text parameters name are packed into the FMUs; returns a line for each that cannot be.
 
     Raises
     ------
@@ -49,16 +52,22 @@ def write_ssp(system: System, output: Path) -> None:
     open_inputs = [item.port for item in wiring.open_inputs]
 
     files: dict[PurePosixPath, bytes] = {}
-    for component in system.components:
-        content = component.source.read_bytes()
+    packed = pack_files(system.components)
+    for component in packed.components:
+        content = packed.fmus[component.source]
         if files.setdefault(_place(component), content) != content:
             text = f"another component has a different file {component.source.name}: rename one of the two"
             raise SystemFileError(component.source, text)
         own_inputs = [port.variable for port in open_inputs if port.component == component.name]
-        values = choose_values(component, descriptions[component.name], own_inputs, wiring.starts[component.name])
+        starts = {
+            name: component.parameters[name].value if isinstance(value, str) and name in component.parameters else value
+            for name, value in wiring.starts[component.name].items()
+        }
+        values = choose_values(component, descriptions[component.name], own_inputs, starts)
         files[PurePosixPath(parameters_place(component))] = parameter_set_xml(values, descriptions[component.name])
     files[PurePosixPath(SSD_NAME)] = structure_xml(system, descriptions, system.labels, step, stop_time)
     write_zip(output, files)
+    return packed.left
 
 
 def choose_values(

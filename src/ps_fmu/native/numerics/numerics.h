@@ -32,7 +32,7 @@ typedef struct {
 /* What all blocks of noise have in common.  A block has CHANNELS / n_terms channels in each of its groups.  Its terms
    are (groups, n, 2, LANES): real and imaginary parts of each line, those of a group side by side, term by term. */
 typedef struct {
-    const double *share; /* (n) */
+    const double *share; /* (sources, n) */
     const double *gains; /* complex (n_terms, n) */
     const double *turns; /* complex (phases, n) */
     const double *roots; /* exp(2 pi i k / points), (points) */

@@ -75,7 +75,7 @@ INSTRUCTIONS static void draw_lines(const Lines *l, const double *draws, const d
             const double *u = draws + s * l->n + first, *v = u + sources * l->n;
             for (int64_t i = 0; i < m; i++) {
                 double cosine, sine;
-                const double size = sqrt(-power * logarithm(1.0 - u[i])) * l->share[first + i];
+                const double size = sqrt(-power * logarithm(1.0 - u[i])) * l->share[s * l->n + first + i];
                 turn(v[i], &cosine, &sine);
                 re[s][i] = size * cosine;
                 im[s][i] = size * sine;

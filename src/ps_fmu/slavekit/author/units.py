@@ -58,6 +58,12 @@ _EVENTS = _SYMBOLS | {"Hz": (1.0, _PER_SECOND), "kHz": (1e3, _PER_SECOND), "MHz"
 _CELSIUS = Unit(1.0, _si(K=1), 273.15)
 _FAHRENHEIT = Unit(5.0 / 9.0, _si(K=1), 273.15 - 32.0 * 5.0 / 9.0)
 _WITH_OFFSET = {"degC": _CELSIUS, "\u00b0C": _CELSIUS, "degF": _FAHRENHEIT, "\u00b0F": _FAHRENHEIT}
+_IMBALANCES = {
+    f"g.{length}{power}": Unit(1e-3 * scale**int(power or 1), _si(kg=1, m=int(power or 1)))
+    for length, scale in (("cm", 1e-2), ("mm", 1e-3), ("m", 1.0))
+    for power in ("", "2")
+}
+"""Of wheels: with a length, g is a gram."""
 _FACTOR = re.compile(r"([^\W\d_]+|1|%|\u00b0)(?:\^?([+-]?\d))?")
 _LONGEST = 100  # characters of a name that is parsed: the time grows with their square
 _WITHOUT_BASE = re.compile(r"dB|.*\bsqrt\(.*")
@@ -70,6 +76,8 @@ _DISPLAYED_AS = {
     "m": ("mm", "um"),
     "s": ("ms",),
     "N": ("mN",),
+    "kg.m": ("g.cm",),
+    "kg.m2": ("g.cm2",),
 }
 
 
@@ -83,6 +91,8 @@ def parse_unit(name: str, *, cycle_is_angle: bool = True) -> Unit | None:
     """
     if name in _WITH_OFFSET:
         return _WITH_OFFSET[name]
+    if name in _IMBALANCES:
+        return _IMBALANCES[name]
     if len(name) > _LONGEST:
         return None
     symbols = _SYMBOLS if cycle_is_angle else _EVENTS

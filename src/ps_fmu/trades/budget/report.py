@@ -270,21 +270,21 @@ def _describe(entry: SignalBudget) -> dict[str, object]:
 def paint_bands(figure: Figure, entries: Sequence[SignalBudget]) -> None:
     """A panel for each system and case: shares of the variance in bands, stacked by source."""
     systems = _list_systems(entries)
-    panels = figure.subplots(len(systems), 2, squeeze=False)
+    panels = figure.subplots(len(systems), 2, squeeze=False, sharex=True, sharey=True)
     stacks = _choose_stacks(entries)
     for entry in entries:
         column = 0 if entry.case == "passive" else 1
         _stack(panels[systems.index(entry.model.name), column], entry, stacks)
     for axes in panels[:, 0]:
-        axes.set_ylabel("share of the variance (%)")
+        axes.set_ylabel("frequency band (Hz)")
     for axes in panels[-1]:
-        axes.set_xlabel("frequency band (Hz)")
+        axes.set_xlabel("share of the variance (%)")
     found: dict[str, Artist] = {}
     for axes in panels.flat:
         bars, labels = axes.get_legend_handles_labels()
         found |= dict(zip(labels, bars, strict=True))
     order = [name for name in (*stacks, "others") if name in found]
-    figure.legend([found[name] for name in order], order, loc="outside lower center", ncols=4, fontsize=11)
+    figure.legend([found[name] for name in order], order, loc="outside lower center", ncols=3)
     figure.suptitle(entries[0].wanted.title)
 
 
@@ -351,15 +351,15 @@ def _stack(axes: Axes, entry: SignalBudget, stacks: Mapping[str, tuple[str, ...]
     budget = entry.budget
     seen = {name for members in stacks.values() for name in members}
     others = {"others": tuple(name for name in budget.channels if name not in seen)}
-    places, above = np.arange(len(budget.edges) - 1), np.zeros(len(budget.edges) - 1)
+    places, beside = np.arange(len(budget.edges) - 1), np.zeros(len(budget.edges) - 1)
     for (name, members), colour in zip({**stacks, **others}.items(), [*COLOURS[: len(stacks)], OTHERS], strict=True):
         if any(channel in members for channel in budget.channels):
-            height = _stack_bands(entry, members)
-            axes.bar(places, height, bottom=above, color=colour, label=name, width=0.8)
-            above = above + height
-    labels = [f"<{high:g}" if low == 0.0 else f"{low:g}-{high:g}" for low, high in pairwise(budget.edges)]
-    axes.set_xticks(places, labels, rotation=60, ha="right", fontsize=10)
-    axes.set_ylim(0.0, 100.0)
+            width = _stack_bands(entry, members)
+            axes.barh(places, width, left=beside, color=colour, label=name, height=0.8)
+            beside = beside + width
+    labels = [f"below {high:g}" if low == 0.0 else f"{low:g} to {high:g}" for low, high in pairwise(budget.edges)]
+    axes.set_yticks(places, labels)
+    axes.set_xlim(0.0, 100.0)
     unit = entry.wanted.requirement.limit.unit.replace("u", "\N{MICRO SIGN}", 1)
     axes.set_title(f"{entry.model.name}, {entry.case}: RMS {entry.rms:.3g} {unit}")
 

@@ -16,12 +16,12 @@ import numpy as np
 from ...cosim import System
 from ...cosim.description import read_descriptions
 from ...cosim.rows import make_layout
-from ...disturbance import multisine_lines, psd_at_origin
+from ...disturbance import multisine_lines
 from ...disturbance.noise import NoiseSettings
 from ...disturbance.recording import Recording
 from ...disturbance.spectrum import edge_frequencies, gaussian_density, to_origin
 from ...disturbance.tones import ToneSettings
-from ...disturbance.wheels import FORCE, WheelSettings, WheelSource
+from ...disturbance.wheels import WheelSettings
 from ...interface.linear_system import (
     COILS,
     OUTPUT_NAMES,
@@ -262,18 +262,25 @@ def _make_noise(
 ) -> Source:
     """Six axes at the centre of mass of the bus: with the density of Gaussian noise, or the lines of a multisine."""
     shared, names = circuit.model.disturbance, tuple(f"noise {axis}" for axis in AXES)
-    move, psd_B = to_origin(shared.bus.com_B), noise.scale**2 * noise.wrench_psd_B
+    move, table = to_origin(shared.bus.com_B), noise.table
     if noise.multisine:
-        at_origin = psd_at_origin(psd_B, shared.bus.com_B)
-        frequency, wrench = multisine_lines(at_origin, noise.band, shared.seed, noise.period)
+        inputs = noise.make_inputs(shared.bus.com_B)
+        frequency, wrench = multisine_lines(inputs, noise.band, shared.seed, noise.period)
         at_centre = np.asarray(np.linalg.solve(move, wrench.T).T, dtype=complex)
         spectrum: Complex = np.asarray(0.5 * at_centre[:, :, None] * at_centre[:, None, :].conj())
     else:
         edge = edge_frequencies(noise.band, noise.period)
         between = _place(circuit, max(edge[0], LOWEST), min(edge[-1], highest), points)
-        frequency = np.unique(np.concatenate([between, edge[edge < between[-1]]]))
-        density = gaussian_density(noise.band, noise.period, frequency)
-        spectrum = np.asarray(density[:, None, None] * psd_B, dtype=complex)
+        rows = edge if table is None else np.concatenate([edge, table.frequency])
+        frequency = np.unique(np.concatenate([between, rows]))
+        frequency = frequency[frequency <= between[-1]]
+        spectrum = np.zeros((len(frequency), 6, 6), dtype=complex)
+        if table is None:
+            density = gaussian_density(noise.band, noise.period, frequency)
+            spectrum += density[:, None, None] * (noise.scale**2 * noise.wrench_psd_B)
+        else:
+            of_axes = gaussian_density(noise.band, noise.period, frequency, table.root)
+            spectrum[:, table.axes, table.axes] = noise.scale**2 * of_axes.T
     response = circuit.respond(frequency, signals, [SOURCE]) @ move
     return Source("noise", names, frequency, response, spectrum, lines=noise.multisine)
 
@@ -287,8 +294,10 @@ def _make_recording(
     step, count = circuit.model.step, round((last - first) / circuit.model.step)
     if count < _FEWEST:
         raise BudgetError(f"{where}: it lasts {last - first:g} s; a budget needs {_FEWEST} steps of {step:g} s")
+    # Of one that repeats, not the first pass, which may be faded in.
+    start = last if recording.repeats else first
     frequency, spectrum = gather_lines(
-        lambda rows: recording(np.asarray(first + step * rows)), count, step, edges, repeats=recording.repeats
+        lambda rows: recording(np.asarray(start + step * rows)), count, step, edges, repeats=recording.repeats
     )
     response = circuit.respond(frequency, signals, [SOURCE])
     return Source("recording", tuple(f"recording {axis}" for axis in AXES), frequency, response, spectrum, lines=True)
@@ -303,10 +312,10 @@ def _list_harmonics(circuit: Circuit, wheel: WheelSettings, number: int, where: 
         speeds = f"{wheel.initial_speed:g} to {wheel.final_speed:g} rad/s"
         raise BudgetError(f"{where}: its speed goes from {speeds}; a budget needs a constant one: set both alike")
     source = wheel.make_source(circuit.model.disturbance, number)
-    assert isinstance(source, WheelSource)
+    assert source is not None  # it is on
     amplitudes = source.amplitudes(wheel.initial_speed)
     for k, order in enumerate(source.orders.tolist()):
-        name = f"wheel {number} {'force' if k < len(FORCE.orders) else 'torque'} {order:g}"
+        name = f"wheel {number} {'force' if k < len(source.force.orders) else 'torque'} {order:g}"
         # The real part of the amplitude times exp(i speed t) turns; the other way round for a negative speed.
         wrench = amplitudes[k] if wheel.initial_speed > 0.0 else amplitudes[k].conj()
         yield Line(name, order * abs(wheel.initial_speed) / (2.0 * np.pi), wrench, name)

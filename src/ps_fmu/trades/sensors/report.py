@@ -44,7 +44,6 @@ MARKERS = dict(zip(CLASSES, "osD^", strict=True))
 MICRO = 1e6  # urad in a rad
 
 
-
 def analyse(
     options: AnalysisOptions,
     duration: float = DURATION,
@@ -235,15 +234,17 @@ def paint_choice(figure: Figure, trade: Trade, points: Sequence[Point]) -> None:
     for top, curves in at_top.items():
         axes.annotate(
             ", ".join(f"{trade.corners[i]:.2g}" for i in curves) + " Hz",
-            (density[top], of_corners[top, curves[0]] * MICRO), fontsize=9, color="#5B8FAF", ha="right",
+            (density[top], of_corners[top, curves[0]] * MICRO), fontsize=11, color="#2F6F95", ha="right",
             rotation=55,
         )  # fmt: skip
-    axes.plot([], [], color="#A9C9DE", lw=0.9, label="no loop, high-pass corner as written (curves: white noise)")
+    axes.plot(
+        [], [], color="#A9C9DE", lw=0.9, label="no loop, high-pass at the written frequency (curves: white noise)"
+    )
     for crossover, sweep in trade.white.items():
         label = "no loop" if crossover is None else f"loop with crossover at {crossover:g} Hz"
         axes.loglog(
             density, sweep.with_density(DENSITIES).min(axis=1) * MICRO, color=LOOP_COLOURS[crossover], lw=2.8,
-            label=f"best corner, {label}",
+            label=f"best high-pass, {label}",
         )  # fmt: skip
     axes.axhline(trade.passive * MICRO, color=PASSIVE, ls="--", label="passive, no loop")
     for crossover, value in trade.loops_alone.items():
@@ -258,7 +259,7 @@ def paint_choice(figure: Figure, trade: Trade, points: Sequence[Point]) -> None:
             axes.plot(x, best.measured * MICRO, "x", color="black", ms=9, mew=2)
         axes.annotate(name, (x, 0.12), ha="center", fontsize=12)
         axes.axvline(x, color="#DDDDDD", lw=1.0, zorder=0)
-    axes.plot([], [], "o", color="white", mec="black", ms=9, label="class of parts, its best corner, closed form")
+    axes.plot([], [], "o", color="white", mec="black", ms=9, ls="none", label="a class of parts, white noise and drift")
     axes.plot([], [], "x", color="black", mew=2, ms=9, ls="none", label="the same on the FMUs, no loop")
     axes.set(
         xlabel="noise density of an accelerometer (\N{MICRO SIGN}g/\N{SQUARE ROOT}Hz, one-sided)",

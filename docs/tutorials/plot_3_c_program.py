@@ -47,7 +47,8 @@ int main(int argc, char **argv)
 
     fmi2CallbackFunctions callbacks = {log_message, calloc, free, NULL, NULL};
     fmi2ValueReference force = atoi(argv[4]), rotation = atoi(argv[5]);
-    fmi2Component plant = Instantiate("plant", fmi2CoSimulation, argv[3], argv[2], &callbacks, fmi2False, fmi2False);
+    fmi2Component plant = Instantiate(
+        "plant", fmi2CoSimulation, argv[3], argv[2], &callbacks, fmi2False, fmi2False);
     MUST(plant != NULL);
     MUST(SetupExperiment(plant, fmi2False, 0.0, 0.0, fmi2False, 0.0) == fmi2OK);
     MUST(EnterInitializationMode(plant) == fmi2OK);
