@@ -32,19 +32,16 @@ def _write_group(group: Mapping[str, Any]) -> Iterator[str]:
     yield from (*_head("Example", "-"), group["example"])
     yield from _head("Objects", "-")
     for entry in group["objects"]:
-        name, _, members = entry.partition(": ")
+        name, colon, members = entry.partition(":")
         kind = "autoclass" if inspect.isclass(resolve_name(name)) else "autofunction"
-        yield from (
-            "",
-            f".. {kind}:: {name}",
-            *([f"   :members: {members}", "   :inherited-members:"] if members else []),
-        )
+        wanted = kind == "autoclass" and (members or not colon)  # a colon alone: no members
+        yield from ("", f".. {kind}:: {name}", *([f"   :members:{members}"] if wanted else []))
     yield from ("", *_head("See also", "-"), ", ".join(f":doc:`/{guide}`" for guide in group["guides"]))
 
 
 def _tabulate(group: Mapping[str, Any]) -> Iterator[str]:
     yield from (".. autosummary::", "")
-    yield from (f"   ~{entry.partition(': ')[0]}" for entry in group["objects"])
+    yield from (f"   ~{entry.partition(':')[0]}" for entry in group["objects"])
     yield ""
 
 
@@ -54,7 +51,7 @@ def _head(text: str, line: str) -> tuple[str, str, str]:
 
 def list_objects() -> dict[str, str]:
     """Where each object is defined, and the name that its page has for it."""
-    names = [entry.partition(": ")[0] for group in GROUPS for entry in group["objects"]]
+    names = [entry.partition(":")[0] for group in GROUPS for entry in group["objects"]]
     return {".".join(attrgetter("__module__", "__qualname__")(resolve_name(name))): name for name in names}
 
 

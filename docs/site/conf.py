@@ -48,7 +48,7 @@ autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
 autodoc_typehints_format = "short"
 autodoc_preserve_defaults = True
-autodoc_default_options = {"members": True}
+
 autodoc_type_aliases = {name: name for name in ("Array", "ArrayLike", "Complex", "Lags", "Counts", "Value", "Places")}
 add_module_names = False
 toc_object_entries_show_parents = "hide"
@@ -104,7 +104,6 @@ html_theme_options = {
 # --- Links ---------------------------------------------------------------------------------
 
 nitpicky = True
-nitpick_ignore = [("py:class", "Mapping[str"), ("py:class", "RowParts")]  # cut by Sphinx; of a class of the slave
 linkcheck_timeout = 20
 linkcheck_anchors = False
 linkcheck_ignore = [re.escape("https://doi.org/") + ".*"]  # publishers refuse programs

@@ -9,33 +9,44 @@ than sixty lines.
 """
 
 # %%
-# Describe the instrument
-# -----------------------
-#
-# One TOML file states what differs from the published instrument, in SI units. B is the frame of
-# the base on the satellite, P that of the payload platform.
+# Two functions stand for the editor and the terminal. You need neither.
 
-import os
 import shlex
+import shutil
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
 
-folder = tempfile.TemporaryDirectory()
-os.chdir(folder.name)
+FOLDER = Path(tempfile.mkdtemp())
+
+
+def write(name, text):
+    """Write a file, or add to it."""
+    with (FOLDER / name).open("a") as file:
+        file.write(text)
 
 
 def run(command, lines=None):
     """Type a command into a terminal; show what it prints, or the first lines of that."""
     program, *words = shlex.split(command)
     path = Path(sys.executable).with_name(program)
-    done = subprocess.run([path, *words], capture_output=True, text=True)
-    printed = (done.stdout or done.stderr).replace(f"{Path.cwd()}/", "").splitlines()
-    print("\n".join([f"$ {command}", *printed[:lines], *(["..."] if printed[lines or len(printed) :] else [])]))
+    done = subprocess.run([path, *words], cwd=FOLDER, capture_output=True, text=True)
+    printed = (done.stdout or done.stderr).replace(f"{FOLDER}/", "").splitlines()
+    rest = ["..."] if printed[lines or len(printed) :] else []
+    print("\n".join([f"$ {command}", *printed[:lines], *rest]))
 
 
-Path("telescope.toml").write_text("""
+# %%
+# Describe the instrument
+# -----------------------
+#
+# One TOML file states what differs from the published instrument, in SI units. B is the frame of
+# the base on the satellite, P that of the payload platform.
+
+write(
+    "telescope.toml",
+    """
 base = "paper"
 manipulator = { scale = 0.5, fine_legs = { stiffness = 8000.0, damping = 60.0 } }  # N/m, N.s/m
 [payload]
@@ -58,7 +69,8 @@ damping_ratio = 0.005
 [start.disturbance]
 noise.scale = 0.0003                                 # of a large spacecraft's
 tone_1 = { frequency = 52.0, force = [0.0, 0.1, 0.0] }  # Hz, N: the cooler
-""")
+""",
+)
 run("ps-fmu parameters telescope.toml --output telescope.ssv")
 
 # %%
@@ -74,11 +86,13 @@ run("ps-fmu analyse stability --system Instrument.ssd --parameters telescope.ssv
 # It is stable, but half a decibel more gain makes it unstable at 222 Hz, where the rods of the
 # coarse legs resonate. A lower low-pass of the isolator keeps away from there.
 
-with Path("telescope.toml").open("a") as file:
-    file.write("""
+write(
+    "telescope.toml",
+    """
 [filters]
 lowpass_stop_frequency = 500.0                       # Hz, instead of 1000
-""")
+""",
+)
 run("ps-fmu parameters telescope.toml --output telescope.ssv")
 run("ps-fmu analyse stability --system Instrument.ssd --parameters telescope.ssv", lines=24)
 
@@ -90,7 +104,9 @@ run("ps-fmu analyse stability --system Instrument.ssd --parameters telescope.ssv
 #
 # The error within a second, less its mean, is to stay below 1 urad RMS, with 90 % confidence.
 
-Path("requirements.toml").write_text("""
+write(
+    "requirements.toml",
+    """
 [[requirement]]
 name = "stability over 1 s"
 signal = "plant.payload_rotation"
@@ -101,7 +117,8 @@ window = "1 s"
 statistic = "rms"
 confidence = 0.9
 limit = "1 urad"
-""")
+""",
+)
 run(
     "ps-fmu run isolation --system Instrument.ssd --parameters telescope.ssv"
     " --requirements requirements.toml --duration 30"
@@ -115,8 +132,7 @@ run(
 # -------------------------------
 
 run(
-    "ps-fmu analyse budget --system Instrument.ssd --parameters telescope.ssv"
-    " --requirements requirements.toml",
+    "ps-fmu analyse budget --system Instrument.ssd --parameters telescope.ssv --requirements requirements.toml",
     lines=28,
 )
 
@@ -131,7 +147,9 @@ run(
 # Leg stiffness and the delay of the electronics vary. Sixteen cases show a trend; a hundred show
 # shares within a few per cent.
 
-Path("study.toml").write_text("""
+write(
+    "study.toml",
+    """
 [study]
 system = "Instrument.ssd"
 parameters = "telescope.ssv"
@@ -147,7 +165,8 @@ relative = "20 %"
 [[vary]]
 parameter = "isolator.delay"
 values = ["0 ms", "1 ms", "2 ms", "4 ms"]
-""")
+""",
+)
 run("ps-fmu sweep study.toml --output study", lines=20)
 
 # %%
@@ -170,5 +189,4 @@ run(
 # With an ideal gyroscope it halves the error about x. Change ``my_isolator.py``, build it again, and
 # run: the page *My own controller or FMU* explains each line.
 
-os.chdir(Path(sys.executable).parent)
-folder.cleanup()
+shutil.rmtree(FOLDER)

@@ -60,17 +60,20 @@ class FeedforwardIsolator(Slave):
         *ORIENTATION,
         Port(
             "enabled", "input", type="Boolean", start=True,
-            description="False: no force; the filters go on measuring, so that it can be switched on at any time",
+            description="False: the forces are zero; the filters still run, so that it can be switched on at any time",
         ),
         # At rest and strictly proper: the force is zero in initialisation mode whatever the inputs are.
         *numbered(
             "fine_force", 3, "N", "Force demanded of a fine actuator, positive extends the leg",
             causality="output", initially_depends_on=(), nominal=0.1,
         ),
-        Port("saturated", "output", type="Boolean", description="A force is at force_limit", initially_depends_on=()),
+        Port(
+            "saturated", "output", type="Boolean", description="True: a force is at force_limit",
+            initially_depends_on=(),
+        ),
         *make_parameter_ports(DEFAULT),
         *make_control_ports(
-            turn="Turn whose change of the gains may be left out, but for an orientation that has come to rest",
+            turn="Change of orientation whose effect on the gains is neglected; at rest the gains are exact",
             resolution=1e-4,
         ),
     )  # fmt: skip

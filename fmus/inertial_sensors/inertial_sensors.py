@@ -71,14 +71,14 @@ class InertialSensors(Slave):
             )
         ),
         *numbered(
-            "channel", ACCELEROMETERS, "m/s2", "Reading of an accelerometer; 0 where there is none",
+            "channel", ACCELEROMETERS, "m/s2", "Reading of an accelerometer; 0 if it is not enabled",
             causality="output", nominal=1e-3,
         ),
         *numbered(
-            "rate_channel", CHANNELS - ACCELEROMETERS, "rad/s", "Reading of a rate sensor; 0 where there is none",
+            "rate_channel", CHANNELS - ACCELEROMETERS, "rad/s", "Reading of a rate sensor; 0 if it is not enabled",
             causality="output", nominal=1e-3,
         ),
-        Port("saturated", "output", type="Boolean", description="A reading is at the range of its sensor"),
+        Port("saturated", "output", type="Boolean", description="True: a reading is at the range of its sensor"),
         *make_parameter_ports(DEFAULT),
     )  # fmt: skip
 

@@ -58,17 +58,18 @@ class LineOfSightSensor(Slave):
             **INPUT, **MICRORAD,
         ),
         *vector(
-            "payload_rotation", "xy", "rad", "The same of P itself; what line_of_sight has beyond it is added, in P",
+            "payload_rotation", "xy", "rad",
+            "Small rotation of P by vibration, in P; line_of_sight minus this is added to the attitude",
             **INPUT, **MICRORAD,
         ),
         Port("target_attitude.w", "input", "1", f"Attitude of the target, {TO_INERTIAL}, w", start=1.0, nominal=1.0),
         *vector("target_attitude", "xyz", "1", f"Attitude of the target, {TO_INERTIAL}", nominal=1.0, **INPUT),
-        Port("target_visible", "input", type="Boolean", start=True, description="False: something hides the target"),
+        Port("target_visible", "input", type="Boolean", start=True, description="False: the target is hidden"),
         *vector(
             "line_of_sight_error", "xyz", "rad",
-            "Measured small rotation that takes the payload to its target, in P; 0 without lock", **OUTPUT, **MICRORAD,
+            "Measured small rotation from the payload to its target, in P; 0 without lock", **OUTPUT, **MICRORAD,
         ),
-        Port("locked", type="Boolean", description="The target is measured", **OUTPUT),
+        Port("locked", type="Boolean", description="True: the sensor tracks the target", **OUTPUT),
         *make_parameter_ports(DEFAULT_TRACKER),
     )  # fmt: skip
 

@@ -112,14 +112,14 @@ class ManipulatorPlant(Slave):
         ),
         *make_output_ports(OUTPUTS + REACTION),
         Port(
-            "locked_mass", "output", "kg", "Mass of legs and payload, which a host's hub has to carry", nominal=10.0,
+            "locked_mass", "output", "kg", "Mass of legs and payload, which a host adds to its hub", nominal=10.0,
         ),
         *make_output_ports(LOCKED),
         *make_parameter_ports(DEFAULT),
         *make_parameter_ports(STILL),
         Port(
             "base", "parameter", type="String", start="own",
-            description="own: forces move the bus of this FMU; prescribed: the base moves as prescribed_... says",
+            description="own: the FMU contains the bus; prescribed: inputs prescribed_... give the motion of the base",
         ),
         *make_parameter_ports(RENEWAL),
     )  # fmt: skip

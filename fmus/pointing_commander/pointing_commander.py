@@ -40,10 +40,16 @@ class PointingCommander(Slave):
     ports: ClassVar[tuple[Port, ...]] = (
         *vector("target", RPY, "rad", "Target orientation of P in B", causality="input", event=True, **DEG),
         # The order of Commander.table, then the two Booleans.
-        *numbered("coarse_command", 3, "m", "Command of a coarse actuator from nominal length", **OUTPUT, **MM),
+        *numbered(
+            "coarse_command", 3, "m", "Commanded displacement of a coarse actuator from its nominal length",
+            **OUTPUT, **MM,
+        ),
         *vector("orientation_command", RPY, "rad", "Commanded orientation of P in B", **OUTPUT, **DEG),
         *vector("orientation_rate", RPY, "rad/s", "Time derivative of orientation_command", **AT_REST, **DEG_PER_S),
-        *vector("platform_position", "xyz", "m", "Commanded origin of P from that of B, in B", nominal=0.1, **OUTPUT),
+        *vector(
+            "platform_position", "xyz", "m", "Commanded position of the origin of P from the origin of B, in B",
+            nominal=0.1, **OUTPUT,
+        ),
         Port(
             "residual", "output", "m", "Largest deviation of a fine leg from its nominal length at the commanded pose",
             min=0.0, nominal=1e-6, display_unit="um",
@@ -52,12 +58,15 @@ class PointingCommander(Slave):
         Port(
             "time_to_go", unit="s", description="Time until the commanded motion ends", min=0.0, nominal=10.0, **AT_REST
         ),
-        Port("reachable", "output", type="Boolean", description="False: target refused, last good one stays"),
-        Port("moving", type="Boolean", description="The commanded orientation is changing", **AT_REST),
+        Port(
+            "reachable", "output", type="Boolean",
+            description="False: the target is refused; the last reachable one stays",
+        ),
+        Port("moving", type="Boolean", description="True: the commanded orientation is changing", **AT_REST),
         *make_parameter_ports(DEFAULT),
         Port(
             "command_resolution", "parameter", "m", min=0.0, display_unit="um",
-            description="Step of the coarse commands, that of an encoder or stepper motor; 0 = none",
+            description="Quantisation step of the coarse commands, as of an encoder or stepper motor; 0 = none",
         ),
     )  # fmt: skip
 

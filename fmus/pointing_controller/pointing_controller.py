@@ -43,20 +43,29 @@ class PointingController(Slave):
 
     ports: ClassVar[tuple[Port, ...]] = (
         *vector(
-            "line_of_sight_error", "xyz", "rad", "Measured small rotation that takes the payload to its target, in P",
+            "line_of_sight_error", "xyz", "rad", "Measured small rotation from the payload to its target, in P",
             causality="input", display_unit="urad", nominal=1e-6,
         ),
         *ORIENTATION,
-        Port("locked", "input", type="Boolean", start=True, description="False: the error is not used, forces stay"),
-        Port("enabled", "input", type="Boolean", start=True, description="False: no force; the integrals are emptied"),
+        Port(
+            "locked", "input", type="Boolean", start=True,
+            description="False: the error is not used, and the forces stay constant",
+        ),
+        Port(
+            "enabled", "input", type="Boolean", start=True,
+            description="False: the forces are zero, and the integrators are reset",
+        ),
         *numbered(
             "fine_force", 3, "N", "Force demanded of a fine actuator, added to the isolator's",
             causality="output", initially_depends_on=(), nominal=0.1,
         ),
-        Port("saturated", "output", type="Boolean", description="A force is at force_limit", initially_depends_on=()),
+        Port(
+            "saturated", "output", type="Boolean", description="True: a force is at force_limit",
+            initially_depends_on=(),
+        ),
         *make_parameter_ports(DEFAULT),
         *make_control_ports(
-            turn="Turn after which the gains are renewed; they are also when the orientation has come to rest",
+            turn="Change of orientation after which the gains are computed again, as they are at rest",
             resolution=1e-3,
         ),
     )  # fmt: skip

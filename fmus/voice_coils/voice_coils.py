@@ -40,7 +40,7 @@ class VoiceCoils(Slave):
         *numbered(
             "force_command", N, "N", "Force demanded of a coil, positive extends the leg", nominal=0.1, **INPUT
         ),
-        *numbered("added_force_command", N, "N", "Second demand, which is added to the first", nominal=0.1, **INPUT),
+        *numbered("added_force_command", N, "N", "Second demand, added to force_command", nominal=0.1, **INPUT),
         *numbered(
             "fine_displacement", N, "m", "Elongation of a fine leg", display_unit="um", nominal=1e-6, **INPUT
         ),
@@ -50,9 +50,9 @@ class VoiceCoils(Slave):
         *numbered("voltage", N, "V", "Voltage at a coil during the step", nominal=0.1, **OUTPUT),
         *numbered("power", N, "W", "Heat of a coil, resistance times current squared", nominal=1e-3, **OUTPUT),
         *numbered("stop_force", N, "N", "Part of fine_force that comes from the stops", nominal=1.0, **OUTPUT),
-        Port("contacts", unit="1", description="Contacts with the stops since the start", nominal=1.0, **OUTPUT),
-        Port("saturated", type="Boolean", description="A current or a voltage is at its limit", **OUTPUT),
-        Port("contact", type="Boolean", description="A leg is at a stop", **OUTPUT),
+        Port("contacts", unit="1", description="Number of contacts with stops since the start", nominal=1.0, **OUTPUT),
+        Port("saturated", type="Boolean", description="True: a current or a voltage is at its limit", **OUTPUT),
+        Port("contact", type="Boolean", description="True: a leg is at a stop", **OUTPUT),
         *make_parameter_ports(DEFAULT),
     )  # fmt: skip
 

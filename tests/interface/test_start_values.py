@@ -1,5 +1,8 @@
 """Start values from parameter sets and instruments, and back; files of instruments against the FMUs."""
 
+import re
+import subprocess
+import sys
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 from pathlib import Path
@@ -16,8 +19,10 @@ from ps_fmu.cosim import Master, System, read_parameters, read_system
 from ps_fmu.cosim.description import index_variables, read_descriptions, read_start
 from ps_fmu.cosim.ssp.writing import real_values_xml
 from ps_fmu.cosim.structure import Component
+from ps_fmu.disturbance import default_settings
 from ps_fmu.interface.agreement import APART
 from ps_fmu.interface.instrument_file import BuildError, find_physics, import_slave
+from ps_fmu.interface.picture import VIEWS, make_figure
 from ps_fmu.interface.start_values import (
     build_plant_and_isolator,
     differences,
@@ -27,7 +32,7 @@ from ps_fmu.interface.start_values import (
 )
 from ps_fmu.mechanism.instrument import Instrument, read_instrument
 from ps_fmu.mechanism.parameters import PAPER, load
-from ps_fmu.mechanism.quantities import ParameterError, list_entries
+from ps_fmu.mechanism.quantities import ParameterError, list_entries, take_values
 from ps_fmu.theory.loop import loop_at, loop_of
 
 SYSTEM = Path(__file__).parents[2] / "system"
@@ -159,7 +164,12 @@ def test_what_is_set_apart_is_marked(write):
         ("[start.isolater]\ndelay = 1.0", "start.isolater: no such component; did you mean isolator?"),
         ("[start.isolator]\ndelai = 1.0", ".delai: the FMU has no such parameter or input; did you mean delay"),
         ("[start.isolator]\ndelay = -1.0", "start.isolator.delay: -1.0 is outside [0.0, inf]"),
-        ("[start.isolator]\ndelay = '1 ms'", "start.isolator.delay: expected a value of type Real, got '1 ms'"),
+        ("[start.isolator]\ndelay = '1 mm'", "start.isolator.delay: expected a number in s, or a text with another u"),
+        ("[[wheel]]\nstifness = 1", "[[wheel]] 1.wheel_1.stifness: the FMU has no such parameter"),
+        ("[[wheel]]\nstatic_imbalance = '0.3 g.cm2'", "[[wheel]] 1.wheel_1.static_imbalance: expected a number in kg."),
+        ("[wheel]\nspeed = 1", "wheel: write each as [[wheel]], got {'speed': 1}"),
+        ("[[wheel]]\n" * 5 + "scale = -1", "[[wheel]] 5.wheel_1.scale: -1 is outside [0.0, inf]"),
+        ("[[tone]]\nfrequency = 0.0\n", "[[tone]] 1.tone_1.frequency: 0.0 is outside [0.0001, inf]"),
         ("[start.isolator]\ndelay = inf", "start.isolator.delay: expected a finite number, got inf"),
         ("[start.isolator]\nsaturated = true", "start.isolator.saturated: the FMU has no such parameter or input"),
         ("[start.isolator]\ndelay = [1.0]", "start.isolator.delay: the FMU has no such parameter or input"),
@@ -174,6 +184,37 @@ def test_start_values_that_cannot_be_used(write, capsys, text, problem):
     code, path = write(f'base = "paper"\n{text}')
     assert (code, path.exists()) == (1, False)
     assert problem in capsys.readouterr().err
+
+
+def test_any_number_of_wheels_and_sines_in_the_units_of_data_sheets(write, tmp_path):
+    """Four and three have parameters; those beyond are as they would be there.  A file lies beside the instrument."""
+    (tmp_path / "own.csv").write_text("order [1],force [g.cm]\n2,0.02\n")
+    wheel = """[[wheel]]
+static_imbalance = "0.3 g.cm"
+dynamic_imbalance = "2 g.cm2"
+harmonics = "own.csv"
+spin_axis = [0, 0, 1]
+speed = "3000 rpm"
+"""
+    tones = "".join(f'[[tone]]\nfrequency = "{k} kHz"\nforce = [0, 0.1, 0]\n' for k in (0.1, 0.2, 0.3, 0.4))
+    code, path = write(f'base = "paper"\n{6 * wheel}{tones}[start.isolator]\ndelay = "2 ms"')
+    assert code == 0
+    given = {name: value for name, value in read_parameters(path).items() if name.startswith("disturbance.")}
+    assert read_parameters(path)["isolator.delay"] == 0.002
+    settings = take_values(
+        default_settings(load()), {name.removeprefix("disturbance."): value for name, value in given.items()}
+    )
+    found = {name: kind for name, _, kind in settings.list_disturbances()}
+    for number in range(1, 7):
+        each = found[f"wheel_{number}"]
+        assert (each.enabled, each.harmonics) == (True, str(tmp_path / "own.csv"))
+        assert each.static_imbalance == pytest.approx(3e-6, rel=1e-12)
+        assert each.dynamic_imbalance == pytest.approx(2e-7, rel=1e-12)
+        np.testing.assert_array_equal(each.spin_axis_B, [0.0, 0.0, 1.0])
+        np.testing.assert_array_equal(each.position_B, load().bus.com_B)
+        assert each.initial_speed == each.final_speed == pytest.approx(100.0 * np.pi, rel=1e-12)
+    assert [found[f"tone_{k}"].frequency for k in (1, 2, 3, 4)] == pytest.approx([100.0, 200.0, 300.0, 400.0])
+    assert found["tone_4"].force_B[1] == 0.1
 
 
 def test_components_that_are_in_the_system_are_served(write, tmp_path):
@@ -210,6 +251,38 @@ def test_the_example_arrives_in_the_fmus(write, built_fmus):
     assert given["plant.bus.mode_4.participation.ry"] == p.bus.modes[3].participation_B[4]
     assert given["plant.payload.mode_2.line_of_sight_x"] == -4.1
     np.testing.assert_allclose(given["plant.bus.mass"], 85.0)
+
+
+def test_the_picture_has_each_leg_where_its_joints_are(write, tmp_path, capsys):
+    picture = tmp_path / "mine.svg"
+    code, _ = write('base = "paper"\n', "--picture", str(picture))
+    assert code == 0
+    assert str(picture) in capsys.readouterr().out
+    figure = make_figure(load())
+    for axes, (_, right, up) in zip(figure.axes, VIEWS, strict=True):
+        drawn = [1e-3 * np.column_stack(line.get_data()) for line in axes.lines if len(line.get_xdata()) == 2]
+        legs = load().manipulator.coarse_legs + load().manipulator.fine_legs
+        for ends, leg in zip(drawn, legs, strict=True):
+            top = load().manipulator.nominal_translation_B + leg.platform_joint_P
+            np.testing.assert_allclose(ends, [leg.base_joint_B[[right, up]], top[[right, up]]], atol=1e-12)
+    names = {text.get_text() for text in figure.axes[1].texts}
+    assert names >= {"c1", "c2", "c3", "f1", "f2", "f3", "B", "P"}
+    assert write('base = "paper"\n', "--picture", "mine.doc")[0] == 2
+
+
+def test_the_lines_of_the_page_run_and_print_what_it_shows(write, tmp_path, capsys):
+    page = (SYSTEM.parent / "docs" / "instrument.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"```(\w*)\n(.*?)```", page, re.DOTALL)
+    ((_, code),) = [block for block in blocks if "mmwrite" in block[1]]
+    ((_, text),) = [block for block in blocks if "finite_elements]" in block[1]]
+    subprocess.run([sys.executable, "-I", "-c", code], cwd=tmp_path, check=True)
+    printed = ""
+    for source in (text, EXAMPLE.read_text(encoding="utf-8")):
+        assert write(source)[0] == 0
+        printed += capsys.readouterr().out
+    for first in ("payload.finite_elements:", "legs at the nominal pose:"):
+        ((_, shown),) = [block for block in blocks if block[1].startswith(first)]
+        assert shown in printed
 
 
 def test_a_slave_that_cannot_be_imported_is_named(tmp_path):

@@ -1,13 +1,16 @@
 """--disturbance: recorded wrenches from CSV and netCDF, in place of the noise."""
 
 import json
+import re
 from pathlib import Path
 
 import netCDF4
 import numpy as np
 import pytest
+from support.claims import verify_claim
 
 from ps_fmu.disturbance.recording import HEADER
+from ps_fmu.mechanism.parameters import load
 from ps_fmu.mechanism.quantities import ParameterError
 from ps_fmu.runs.options import OptionError
 from ps_fmu.runs.recorded import read_netcdf
@@ -141,6 +144,49 @@ def test_a_file_that_is_not_there_and_one_that_is_set_twice(make_options, ssv, t
     options = make_options("isolation", 0.1, step_s=STEP, disturbance=write_csv(tmp_path), parameters=(twice,))
     with pytest.raises(OptionError, match=r"given\.ssv, line 4 sets disturbance\.recording\.path, too"):
         load_system(options)
+
+
+def list_warnings(make_options, ssv, tmp_path, rows, duration=10.0, **recording):
+    values = ssv({f"disturbance.recording.{name}": value for name, value in {"detrend": False, **recording}.items()})
+    path = write_csv(tmp_path, rows=rows)
+    options = make_options("isolation", duration, step_s=STEP, disturbance=path, parameters=(values,))
+    return [text for text in load_system(options).warnings.texts if text.startswith("disturbance.recording")]
+
+
+def test_the_drift_that_a_recording_makes_is_said(make_options, ssv, tmp_path):
+    """A push of 1 N at the centre of mass of bus and payload for 1 s: impulse J = 1 N.s, drift J (t - 0.5 s) / m."""
+    p = load()
+    mass = p.bus.mass + p.payload.mass
+    time = np.array([0.0, 1e-9, 1.0, 1.0 + 1e-9, 2.0])
+    place_B = p.manipulator.nominal_translation_B + p.payload.com_P
+    centre_B = (p.bus.mass * p.bus.com_B + p.payload.mass * place_B) / mass
+    push = np.array([0.0, 1.0, 0.0])
+    wrench = np.concatenate([push, np.cross(centre_B, push)])
+    (text,) = list_warnings(make_options, ssv, tmp_path, np.column_stack([time, np.outer([0, 1, 1, 0, 0], wrench)]))
+    numbers = re.search(r"a mean momentum of ([\d.]+) N s .* and ([\d.]+) N s and .* drifts by ([\d.]+) mm and", text)
+    assert [float(number) for number in numbers.groups()] == pytest.approx([0.95, 1.0, 9.5e3 / mass], rel=0.01)
+    assert "disturbance.recording.detrend = true takes the drift out" in text
+    verify_claim(
+        "warning.drift_of_a_recording",
+        claim="disturbance.recording: ... it drifts by ... mm",
+        where="`ps-fmu run --disturbance`, studies: terminal, report, `warnings` of summary.json",
+        reference="J (t - t_0) / m of bus and payload, by hand",
+        error=abs(float(numbers[3]) * mass / 9.5e3 - 1.0),
+        bound=0.01,
+    )
+    assert list_warnings(make_options, ssv, tmp_path, np.column_stack([time, np.outer([0, 1, 1, 0, 0], wrench)]),
+                         detrend=True, fade_in=0.5) == []  # fmt: skip
+
+
+def test_the_jump_where_a_recording_begins_again_is_said(make_options, ssv, tmp_path):
+    time = np.linspace(0.0, 4.0, 401)
+    slow = np.outer(np.sin(2.0 * np.pi * 0.3 * time), [0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+    rows = np.column_stack([time, slow])
+    texts = list_warnings(make_options, ssv, tmp_path, rows, repeat=True, detrend=True)
+    assert len(texts) == 1
+    assert "recorded.csv jumps by 951 mN and 0 N m each time it begins again, every 4 s" in texts[0]  # sin(2.4 pi)
+    assert list_warnings(make_options, ssv, tmp_path, rows, repeat=True, detrend=True, overlap=1.0) == []
+    assert list_warnings(make_options, ssv, tmp_path, rows, duration=3.0, repeat=True, detrend=True) == []
 
 
 @pytest.mark.parametrize("name", ["stability", "table2"])

@@ -3,14 +3,21 @@
 import json
 import shutil
 import zipfile
+from dataclasses import replace
 
 import netCDF4
 import numpy as np
 import pytest
+from support.cosim import simulate
 from support.relays import LINEAR, TABLE, binding, description, mapping, port, relay, system, wire
 
 from ps_fmu.cli import main
+from ps_fmu.cosim.structure import decode_system
+from ps_fmu.disturbance.recording import HEADER
+from ps_fmu.studies.bundle import SYSTEM
 from ps_fmu.studies.case_runner import CaseRunner
+from ps_fmu.studies.preparation import load_study_system, make_bundle
+from ps_fmu.studies.study import StudyError, read_study
 from ps_fmu.studies.sweep import SweepOptions, prepare
 
 INVERTED = (
@@ -259,3 +266,33 @@ def test_a_study_from_a_checkpoint_with_inputs_over_time(stateful, tmp_path):
         tmp_path, found, "toys.ssd", {"mass.mass": ("Real", "7.0")}, *inputs, "--from", place, "--anew", "mass"
     )
     assert rows["time"][0] == pytest.approx(0.3) and rows["first.increment"].tolist() == [1, 4, 4, 2, 2, 2]
+
+
+def test_a_recording_travels_with_a_study(built_fmus, tmp_path):
+    """In place of the noise, and inside the FMU: workers need no other file."""
+    time = np.linspace(0.0, 1.0, 101)
+    rows = np.column_stack([time, np.outer(np.sin(20.0 * time), np.arange(1.0, 7.0))])
+    np.savetxt(tmp_path / "measured.csv", rows, delimiter=",", header=",".join(HEADER), comments="")
+    text = """[study]
+plan = "grid"
+duration = "0.02 s"
+seed = 1
+disturbance = "measured.csv"
+[[vary]]
+parameter = "disturbance.recording.scale"
+values = ["1", "2"]
+"""
+    (tmp_path / "study.toml").write_text(text)
+    study, system = load_study_system(replace(read_study(tmp_path / "study.toml"), fmus=built_fmus))
+    assert any(text.startswith("disturbance.recording: measured.csv gives") for text in system.warnings.texts)
+    place = make_bundle(study, system, {}).unpack(tmp_path)
+    (tmp_path / "measured.csv").unlink()
+    unpacked = decode_system(place / SYSTEM)
+    given = unpacked.component("disturbance").parameters
+    assert (given["recording.path"].value, given["noise.enabled"].value) == ("files/measured.csv", False)
+    found = simulate(unpacked.with_parameters({"disturbance.recording.scale": 2.0}), 1e-4, 0.02)
+    force = found["disturbance.base_force.z"]
+    np.testing.assert_allclose(force[[0, 100, 200]], 6.0 * np.sin([0.0, 0.2, 0.4]), atol=1e-9)
+    (tmp_path / "study.toml").write_text(text.replace("measured.csv", "measured.nc"))
+    with pytest.raises(StudyError, match=r"study, disturbance: expected a file .csv, got 'measured.nc'"):
+        read_study(tmp_path / "study.toml")

@@ -19,6 +19,9 @@ from ps_fmu.cli import main
 from ps_fmu.cosim import Master, System, read_system, write_ssp
 from ps_fmu.cosim.description import index_variables, read_description
 from ps_fmu.cosim.structure import Parameter
+from ps_fmu.disturbance import Disturbance
+from ps_fmu.disturbance.recording import HEADER as RECORDING
+from ps_fmu.interface.linear_system import read_disturbance
 
 ROOT = Path(__file__).parents[2]
 SSD = ROOT / "system" / "SystemStructure.ssd"
@@ -201,3 +204,41 @@ def test_a_scenario_runs_from_the_archive(archive, tmp_path):
     run = subprocess.run(command, capture_output=True, text=True, timeout=300)
     assert run.returncode == 0, run.stdout + run.stderr
     assert "plant.payload.mass" in (tmp_path / "report.html").read_text(encoding="utf-8")
+
+
+def test_files_that_parameters_name_travel_with_the_archive(built_fmus, tmp_path):
+    """Recording, speeds, spectrum and harmonics, also of a further wheel: the same bits where the files are not."""
+    here = tmp_path / "here"
+    here.mkdir()
+    times = np.arange(0.0, 0.0501, 1e-3)
+    rows = np.column_stack([times, np.outer(np.sin(200.0 * times), np.arange(1.0, 7.0))])
+    np.savetxt(here / "measured.csv", rows, delimiter=",", header=",".join(RECORDING), comments="")
+    (here / "speed.csv").write_text("time [s],speed [rpm]\n0,1000\n1,2000\n")
+    (here / "spectrum.csv").write_text("frequency [Hz],force.x [N2/Hz]\n1,1e-3\n400,1e-3\n")
+    (here / "wheel.csv").write_text("order [1],force [g.cm]\n2,0.5\n")
+    wheel = {"enabled": True, "harmonics": str(here / "wheel.csv")}
+    values = {
+        "recording.path": str(here / "measured.csv"), "wheel_1.speed_profile": str(here / "speed.csv"),
+        "wheel_1.enabled": True, "noise.spectrum": str(here / "spectrum.csv"), "rise_time": 0.1,
+        "more_wheels": json.dumps([wheel]),
+    }  # fmt: skip
+    system = read_system(SSD, built_fmus).with_parameters({f"disturbance.{name}": v for name, v in values.items()})
+    expected = simulate(system, STEP, 0.05)
+    assert write_ssp(system, tmp_path / "all.ssp") == ()
+    here.rename(tmp_path / "gone")
+    again = read_system(tmp_path / "all.ssp")
+    texts = [str(entry.value) for entry in again.component("disturbance").parameters.values()]
+    assert not any(str(tmp_path) in text for text in texts)
+    assert {"files/measured.csv", "files/speed.csv", "files/spectrum.csv"} < set(texts)
+    found = simulate(again, STEP, 0.05)
+    for name in ("disturbance.base_force.x", "disturbance.base_torque.z", "plant.payload_rotation.y"):
+        np.testing.assert_array_equal(found[name], expected[name], err_msg=name)
+    assert np.abs(found["disturbance.base_force.x"]).max() > 0.5
+    model = Disturbance(read_disturbance(again, "disturbance"))  # as budgets read it
+    wrench = model(STEP * np.arange(STEPS // 4 + 1))
+    np.testing.assert_array_equal(found["disturbance.base_force.x"][: len(wrench)], wrench[:, 0])
+    write_ssp(again, tmp_path / "second.ssp")  # what is packed stays packed
+    np.testing.assert_array_equal(
+        simulate(read_system(tmp_path / "second.ssp"), STEP, 0.05)["disturbance.base_force.x"],
+        expected["disturbance.base_force.x"],
+    )

@@ -113,12 +113,12 @@ class Driver(Checked):
 
     bandwidth: float = quantity("Hz", "Bandwidth of the current loop", above=0.0)
     emf_compensation: float = quantity(
-        "1", "Share of the back-EMF that the driver takes away; 0: none, the coil damps the leg",
+        "1", "Share of the back-EMF that the driver compensates; 0: none, and the coil damps the leg",
         at_least=0.0, at_most=1.0,
     )  # fmt: skip
     supply_voltage: float = quantity("V", "Largest voltage at the coil; 0 = no limit", at_least=0.0)
     current_limit: float = quantity("A", "Largest demanded current; 0 = no limit", at_least=0.0)
-    current_resolution: float = quantity("A", "Step of the demanded current; 0 = none", at_least=0.0)
+    current_resolution: float = quantity("A", "Quantisation step of the demanded current; 0 = none", at_least=0.0)
     noise: float = quantity("A/sqrt(Hz)", "White noise of the demanded current, one-sided density", at_least=0.0)
     seed: int = quantity("", "Seed of the noise", at_least=0)
 

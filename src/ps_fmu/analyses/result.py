@@ -14,12 +14,12 @@ from ..files.plain import write_atomically
 from ..results.report import Picture, Report, Section
 from ..results.style import draw
 from ..results.summary import plain, versions
-from ..results.tables import Table
+from ..results.tables import USUAL, Table
 
 RELATIONS = ("=", ">", "<", "~")
 T = TypeVar("T")
 
-NARROWEST, USUAL, WIDEST = 80, 100, 120  # characters of a line; the second where there is no terminal
+NARROWEST, WIDEST = 80, 120  # characters of a line
 
 
 @dataclass(frozen=True)
@@ -210,12 +210,12 @@ class AnalysisResult:
         left_out = []
         if self.findings:
             table = short_findings_table(self.findings)
-            parts.append(f"\n{table.caption} (remarks: {self.name}.md)\n{table.fit_text(width)}")
+            parts.append(f"\n{table.caption} (remarks: {self.name}.md)\n{table.to_text(width)}")
         for table in self.tables:
-            if (text := table.fit_text(width)) is None:
-                left_out.append(table.caption)
+            if table.fits(width):
+                parts.append(f"\n{textwrap.fill(table.caption, width)}\n{table.to_text(width)}")
             else:
-                parts.append(f"\n{textwrap.fill(table.caption, width)}\n{text}")
+                left_out.append(table.caption)
         if left_out:
             parts.append(f"\nIn {self.name}.md:")
             parts += [textwrap.fill(f"- {caption}", width, subsequent_indent="  ") for caption in left_out]

@@ -45,8 +45,12 @@ def is_geometric(name: str) -> bool:
 class Algorithm1(Checked):
     """Settings of the paper's Algorithm 1 (:func:`.inverse_kinematics.descend`)."""
 
-    mu: float = quantity("1", "Step size; Algorithm 1 converges below 2/lambda_max(J J^T), about 0.81", above=0.0)
-    epsilon: float = quantity("m", "Error limit; 1e-6 m leaves up to 4e-4 deg, 1e-11 m below 1e-8 deg", above=0.0)
+    mu: float = quantity(
+        "1", "Step size of Algorithm 1, which converges below 2/lambda_max(J J^T), about 0.81", above=0.0
+    )
+    epsilon: float = quantity(
+        "m", "Error limit of Algorithm 1; 1e-6 m leaves up to 4e-4 deg, 1e-11 m below 1e-8 deg", above=0.0
+    )
     max_iterations: int = quantity("1", "Iterations after which Algorithm 1 gives up", at_least=1)
 
     def solver(self) -> Solver:
@@ -80,9 +84,11 @@ class Commander:
     limits: Limits = group(flat=True)
     algorithm_1: Algorithm1 = group()
     use_algorithm_1: bool = quantity(
-        "", "Inverse kinematics by the paper's Algorithm 1; false: closed-form trilateration"
+        "", "True: inverse kinematics by the paper's Algorithm 1; false: closed-form trilateration"
     )
-    follow: bool = quantity("", "Follow the target at once, without a profile: for hosts with smooth targets")
+    follow: bool = quantity(
+        "", "True: the command follows the target at once, without a profile; for hosts with smooth targets"
+    )
 
     @classmethod
     def from_parameters(cls, p: Parameters) -> Commander:

@@ -75,7 +75,7 @@ class Limits(Checked):
         "rad/s2", "Largest second derivative of the commanded orientation", above=0.0, display="deg/s2"
     )
     max_jerk: float = quantity("rad/s3", "Largest third derivative of the commanded orientation", above=0.0)
-    min_duration: float = quantity("s", "Shortest duration of a motion, however small", at_least=0.0)
+    min_duration: float = quantity("s", "Shortest duration of any motion", at_least=0.0)
 
 
 @dataclass(frozen=True, eq=False)

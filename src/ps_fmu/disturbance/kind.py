@@ -27,7 +27,7 @@ class BusCentre(Checked):
 class SharedSettings(Checked):
     """What all kinds share."""
 
-    seed: int = quantity("1", "Seed of everything random: noise, initial phases of the wheels", at_least=0)
+    seed: int = quantity("1", "Seed of the random numbers: noise and initial phases of the wheels", at_least=0)
     rise_time: float = quantity(
         "s", "Time over which the disturbance rises smoothly from zero", at_least=0.1, at_most=20.0
     )

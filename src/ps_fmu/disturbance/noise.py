@@ -88,12 +88,14 @@ class NoiseSettings(Noise, Kind):
 
     name: ClassVar[str] = "noise"
 
-    enabled: bool = quantity("", "Noise on")
-    multisine: bool = quantity("", "True: deterministic lines of fixed amplitude; false: Gaussian, endless")
+    enabled: bool = quantity("", "True: the noise acts")
+    multisine: bool = quantity(
+        "", "True: multisine, spectral lines of fixed amplitude; false: Gaussian noise, which never repeats"
+    )
     scale: float = quantity("1", "Factor on the noise amplitude", at_least=0.0)
     period: float = quantity(
         "s",
-        "Lines below 20 Hz are 1/period apart: window of the multisine, block length of Gaussian noise",
+        "Spectral lines below 20 Hz are 1/period apart; window of the multisine, block length of Gaussian noise",
         at_least=1.0,
         at_most=1000.0,  # memory
     )

@@ -172,8 +172,8 @@ class Recording:
         end of one that does not repeat, a fade-out as long), and X the double integral of force and torque without the
         parabola that fits it best; where it repeats, without what makes it not periodic.  A free body of mass m that
         was at rest is at W X / m.
-    fade_in: s, over which the recording rises smoothly from zero at its first line; 0: it does not.  Above 0 with
-        ``detrend``.
+    fade_in: s, over which the recording rises smoothly from zero at its first line; 0: it does not, or with ``detrend``
+        over ``rise_time``, and at most over a quarter of the recording.
     overlap: s; with ``repeat``, the end is faded into the beginning over this time, with equal power, and the period
         is shorter by it; 0: it is not.
 
@@ -191,6 +191,7 @@ class Recording:
         detrend: bool = False,
         fade_in: float = 0.0,
         overlap: float = 0.0,
+        rise_time: float = 2.0,
     ) -> None:
         rows = read_columns(path, HEADER, "path")
         self.repeats = repeat
@@ -203,7 +204,7 @@ class Recording:
             steady = steady.join_ends(overlap)
         first = steady
         if detrend:
-            steady, first = steady.settle(fade_in, repeat)
+            steady, first = steady.settle(fade_in or min(rise_time, 0.25 * length), repeat)
         elif fade_in:
             first = _Rows(steady.time, ramp(steady.time - steady.begin, fade_in).value[:, None] * steady.wrench)
         self._first, self._steady = first, steady if repeat else first
@@ -392,6 +393,5 @@ class RecordingSettings(Kind):
 
     def make_recording(self, shared: SharedSettings, detrend: bool) -> Recording:
         """As :meth:`make_source`, with or without what makes a free body drift."""
-        fade_in = self.fade_in or (shared.rise_time if detrend else 0.0)
-        path = Path(self.path)
-        return Recording(path, self.repeat, self.scale, detrend=detrend, fade_in=fade_in, overlap=self.overlap)
+        path, fades = Path(self.path), {"fade_in": self.fade_in, "overlap": self.overlap}
+        return Recording(path, self.repeat, self.scale, detrend=detrend, rise_time=shared.rise_time, **fades)

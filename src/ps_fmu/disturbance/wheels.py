@@ -312,7 +312,7 @@ class WheelSettings(Kind):
 
     name: ClassVar[str] = "wheels"
 
-    enabled: bool = quantity("", "Wheel on")
+    enabled: bool = quantity("", "True: the wheel acts")
     scale: float = quantity("1", "Factor on the wheel's force and torque", at_least=0.0)
     static_imbalance: float = quantity(
         "kg.m", "Static imbalance: radial force over squared speed at order 1", at_least=0.0, display="g.cm"
@@ -326,8 +326,10 @@ class WheelSettings(Kind):
     initial_speed: float = quantity("rad/s", "Speed before the ramp", display="rpm")
     final_speed: float = quantity("rad/s", "Speed after the ramp", display="rpm")
     ramp_start: float = quantity("s", "Time at which the speed begins to change")
-    ramp_duration: float = quantity("s", "Time that the change of speed takes", at_least=0.0)
-    speed_profile: str = quantity("", "CSV file with time [s] and speed [rpm] in place of the ramp; empty: none")
+    ramp_duration: float = quantity("s", "Duration of the change of speed", at_least=0.0)
+    speed_profile: str = quantity(
+        "", "CSV file with time [s] and speed [rpm], used in place of the ramp; empty: the ramp"
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -17,7 +17,7 @@ LONGEST_DELAY = 1000
 #: An orientation this close (rad) is the same: a plant at rest varies it by rounding.
 SAME_ORIENTATION = 1e-12
 ORIENTATION = vector(
-    "orientation", ("roll", "pitch", "yaw"), "rad", "Nominal orientation of P in B, for the gains",
+    "orientation", ("roll", "pitch", "yaw"), "rad", "Nominal orientation of P in B, from which the gains follow",
     causality="input", display_unit="deg", nominal=0.1,
 )  # fmt: skip
 _DISPLAY = {"rad": "deg"}
@@ -75,7 +75,7 @@ def make_control_ports(*, turn: str, resolution: float) -> tuple[Port, ...]:
             min=0.0, display_unit="ms",
         ),
         Port(
-            "sample_time", "parameter", "s", "Period of a digital controller; 0 = every step",
+            "sample_time", "parameter", "s", "Sample time of the controller; 0 = every communication step",
             min=0.0, display_unit="ms",
         ),
         Port("orientation_resolution", "parameter", "rad", turn, start=resolution, min=0.0, display_unit="deg"),

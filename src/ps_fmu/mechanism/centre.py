@@ -76,7 +76,9 @@ _FASTEST = 100.0
 class InitialMotion(Checked):
     """Attitude and angular velocity of the base at the start; the common centre of mass is at rest."""
 
-    initial_attitude: Array = quantity("1", "Unit quaternion at the start, scalar first, B to inertial", shape=(4,))
+    initial_attitude: Array = quantity(
+        "1", "Attitude of B at the start, unit quaternion, scalar first, to inertial axes", shape=(4,)
+    )
     initial_angular_velocity_B: Array = quantity(
         "rad/s", "Angular velocity of B at the start, relative to inertial space, in B", shape=(3,)
     )

@@ -81,14 +81,15 @@ class PayloadMode(Checked):
     frequency: float = quantity("Hz", "Natural frequency with the platform held; 0 = rigid", at_least=0.0)
     damping_ratio: float = quantity("1", "Damping ratio of the payload mode", at_least=0.0)
     participation_P: Array = quantity(
-        "sqrt(kg)|sqrt(kg).m", "Participation in P at its origin: three translations, then three rotations",
+        "sqrt(kg)|sqrt(kg).m",
+        "Participation at the origin of P, in P: translations t and rotations r",
         shape=(6,),
     )
     line_of_sight_x: float = quantity(
-        "rad/(sqrt(kg).m)", "Turn of the line of sight about x of P, per unit of the mode's coordinate"
+        "rad/(sqrt(kg).m)", "Rotation of the line of sight about x of P, per unit of the mode's coordinate"
     )
     line_of_sight_y: float = quantity(
-        "rad/(sqrt(kg).m)", "Turn of the line of sight about y of P, per unit of the mode's coordinate"
+        "rad/(sqrt(kg).m)", "Rotation of the line of sight about y of P, per unit of the mode's coordinate"
     )
 
     @classmethod
@@ -119,7 +120,8 @@ class BusMode(Checked):
     frequency: float = quantity("Hz", "Natural frequency with the bus held; 0 = rigid", at_least=0.0)
     damping_ratio: float = quantity("1", "Damping ratio of the bus mode", at_least=0.0)
     participation_B: Array = quantity(
-        "sqrt(kg)|sqrt(kg).m", "Participation in B at its origin: three translations, then three rotations",
+        "sqrt(kg)|sqrt(kg).m",
+        "Participation at the origin of B, in B: translations t and rotations r",
         shape=(6,),
     )
 

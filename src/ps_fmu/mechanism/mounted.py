@@ -41,14 +41,16 @@ N_MOTION = 9
 #: What the host's hub feels of the relative motion.
 REACTION = (
     Signal("bus_force", AXES, "N", "With base = prescribed: force on the host's bus at the origin of B, in B", 0.1),
-    Signal("bus_torque", AXES, "N.m", "With base = prescribed: torque on it about the origin of B, in B", 0.1),
+    Signal(
+        "bus_torque", AXES, "N.m", "With base = prescribed: torque on the host's bus about the origin of B, in B", 0.1
+    ),
 )
 #: Legs and payload as one rigid body, after their mass in kg.
 LOCKED = (
-    Signal("locked_com", AXES, "m", "Centre of mass of legs and payload as they stand, in B", 0.1, None, False),
+    Signal("locked_com", AXES, "m", "Centre of mass of legs and payload at the present pose, in B", 0.1, None, False),
     Signal(
         "locked_inertia", ("xx", "xy", "xz", "yy", "yz", "zz"), "kg.m2",
-        "Inertia of legs and payload as they stand, about the origin of B, in B", 1.0, None, False,
+        "Inertia of legs and payload at the present pose, about the origin of B, in B", 1.0, None, False,
     ),
 )  # fmt: skip
 #: Size of REACTION, mass and LOCKED.

@@ -78,7 +78,7 @@ class CoarseRods(Checked):
     """Axial flexibility of the coarse rods; stiffness zero means rigid rods."""
 
     axial_stiffness: float = quantity("N/m", "Axial stiffness of each coarse rod; 0 = rigid", at_least=0.0)
-    damping_ratio: float = quantity("1", "Damping ratio of each rod against the mass it carries", at_least=0.0)
+    damping_ratio: float = quantity("1", "Damping ratio of each rod with the mass that it carries", at_least=0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,7 +190,7 @@ class Optics(Checked):
 
     focal_length: float = quantity("m", "Effective focal length: image-point displacement per radian", above=0.0)
     truss_sensitivity: float = quantity(
-        "rad/m", "Turn of the boresight toward a truss mode's motion across it, per displacement of its mass"
+        "rad/m", "Rotation of the boresight per displacement of a truss mode's mass across it"
     )
 
 
@@ -205,7 +205,7 @@ class FeedforwardFilters(Checked):
     lowpass_stop_attenuation: float = quantity(
         "dB", "Stop-band attenuation of the low-pass", above=0.0, at_most=200.0  # doubles hold 300
     )
-    highpass_frequency: float = quantity("Hz", "Corner of the second-order high-pass", above=0.0)
+    highpass_frequency: float = quantity("Hz", "Corner frequency of the second-order high-pass", above=0.0)
     highpass_damping_ratio: float = quantity("1", "Damping ratio of the second-order high-pass", above=0.0)
 
     def __post_init__(self) -> None:
@@ -219,10 +219,10 @@ class FeedforwardFilters(Checked):
 class Noise(Checked):
     """Band-limited white disturbance wrench on the bus."""
 
-    band: Array = quantity("Hz", "Edges of the band", shape=(2,))
+    band: Array = quantity("Hz", "Lower and upper edge of the noise band", shape=(2,))
     wrench_psd_B: Array = quantity(
         "N2/Hz|N2.m/Hz|N2.m2/Hz",
-        "One-sided power spectral density of force and torque at the bus centre of mass, in B",
+        "One-sided power spectral density of force (f) and torque (t) at the bus centre of mass, in B",
     )
 
     def __post_init__(self) -> None:

@@ -21,7 +21,8 @@ OUTPUTS = (
         "coarse_displacement", _123, "m", "Displacement of a coarse actuator from its nominal length", 0.01, "mm", False
     ),
     Signal(
-        "orientation", _RPY, "rad", "Nominal orientation of P in B, by the coarse actuators alone", 0.1, "deg", False
+        "orientation", _RPY, "rad", "Orientation of P in B that follows from the coarse actuators alone",
+        0.1, "deg", False,
     ),
     Signal(
         "relative_orientation", _RPY, "rad", "Orientation of P in B with fine legs and rod stretch", 0.1, "deg", False
@@ -32,8 +33,14 @@ OUTPUTS = (
         "line_of_sight", ("x", "y"), "rad", "Small rotation of the boresight by vibration, with truss modes, in P",
         1e-6, "urad",
     ),
-    Signal("base_attitude", _WXYZ, "1", "Unit quaternion, scalar first, B to inertial axes", 1.0, None, False),
-    Signal("payload_attitude", _WXYZ, "1", "Unit quaternion, scalar first, P to inertial axes", 1.0, None, False),
+    Signal(
+        "base_attitude", _WXYZ, "1", "Attitude of B, unit quaternion, scalar first, to inertial axes",
+        1.0, None, False,
+    ),
+    Signal(
+        "payload_attitude", _WXYZ, "1", "Attitude of P, unit quaternion, scalar first, to inertial axes",
+        1.0, None, False,
+    ),
 )  # fmt: skip
 
 #: Size of ``y``.
@@ -64,5 +71,3 @@ def servo_slices(n: int) -> tuple[slice, slice, slice]:
 def count_states(n: int) -> int:
     """Size of ``x`` for n coordinates."""
     return 2 * n + 9
-
-

@@ -50,16 +50,16 @@ class Renewal(Checked):
     """How far the motion may leave what its linear model was made for."""
 
     relinearisation_distance: float = quantity(
-        "m", "A new linear model is made when a leg is this far from where the last one expected it",
+        "m", "Deviation of a leg's length from the prediction at which the plant makes new linear models",
         at_least=1e-9, display="um",
     )  # fmt: skip
     relinearisation_angle: float = quantity(
-        "rad", "A new linear model is made when the base has turned by this; in motion, when it is a tenth of this "
-        "from where the last one expected it",
+        "rad", "Turn of the base after which the plant makes new linear models; while the base turns, a tenth of this "
+        "as deviation from the prediction",
         at_least=1e-9, at_most=0.1, display="mrad",
     )  # fmt: skip
     relinearisation_speed: float = quantity(
-        "m/s", "A new linear model is made when a coarse leg's speed differs by this from what was expected",
+        "m/s", "Deviation of a coarse leg's speed from the prediction at which the plant makes new linear models",
         at_least=1e-9,
     )  # fmt: skip
 

@@ -71,19 +71,20 @@ def advise(requirement: Requirement, statement: Statement, runs: int, judged_s: 
     probability, confidence = requirement.probability, requirement.confidence
     closest = math.isfinite(statement.bound) and not statement.method.startswith(MARKOV)
     if probability is None or confidence is None or closest:
-        return "a longer run narrows it" if requirement.interpretation is Interpretation.TEMPORAL else "more runs do"
+        longer = requirement.interpretation is Interpretation.TEMPORAL
+        return f"{'A longer run narrows' if longer else 'More runs narrow'} the interval."
     if requirement.interpretation is Interpretation.TEMPORAL:
         needed = samples_needed(probability, share_out(confidence, runs))
         length = judged_s * needed / statement.independent
         return (
-            f"{_count_samples(statement.independent)} in {judged_s:.4g} s; {needed} are needed: "
-            f"run about {_round_up(MARGIN * length + requirement.settling_s):g} s"
+            f"Run about {_round_up(MARGIN * length + requirement.settling_s):g} s: the {judged_s:.4g} s judged have "
+            f"{_count_samples(statement.independent)}, and {needed} are needed."
         )
     needed = samples_needed(probability, confidence)
     if requirement.interpretation is Interpretation.MIXED:
         each = statement.independent / runs if runs >= LEAST_RUNS else 1.0
         needed = max(LEAST_RUNS, math.ceil(min(1.0, MARGIN / each) * needed)) if each else needed
-    return f"{needed} runs with different seeds are needed, there {_count(runs)}"
+    return f"{needed} runs with different seeds are needed, and there {_count(runs)}."
 
 
 def _state_peak(runs: Sequence[Distribution]) -> Statement:

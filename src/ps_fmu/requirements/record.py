@@ -85,6 +85,7 @@ class RequirementRecord:
         """Windows of the whole run."""
         self._places = [place for target in self.targets for place in target.places]
         self._each = 0
+        self._trend = np.zeros((2, len(self._places)))  # sums of the samples, and of the samples times their number
         self.rows = 0
         """Rows seen after the settling."""
 
@@ -98,21 +99,34 @@ class RequirementRecord:
         samples = values[max(0, self._first - first_index) :, self._places]
         if not len(samples):
             return
+        self._trend += samples.sum(axis=0), np.arange(self.rows, self.rows + len(samples)) @ samples
         self.rows += len(samples)
         joined = self._windows.add(samples)  # a copy: places are a list
         if joined is not None:
             self._add(self.requirement.index.values(joined, self.step, stride=self._windows.stride))
 
+    @property
+    def drifts(self) -> Array:
+        """Of each target how far the straight line through its samples goes from first to last, (targets,)."""
+        n = max(self.rows, 2)
+        slope = (self._trend[1] - 0.5 * (n - 1) * self._trend[0]) * 12.0 / (n * (n * n - 1.0))
+        ends = np.cumsum([len(target.places) for target in self.targets])[:-1]
+        return np.array([np.linalg.norm(part) for part in np.split((n - 1) * slope, ends)])
+
     def save_state(self) -> dict[str, Any]:
         """What a checkpoint keeps; valid until the next block."""
         found = [one.save_state() for one in self.distributions]
-        return {"rows": self.rows, "pending": self._windows.pending, "each": self._each, "distributions": found}
+        return {
+            "rows": self.rows, "pending": self._windows.pending, "each": self._each, "distributions": found,
+            "trend": self._trend,
+        }  # fmt: skip
 
     def load_state(self, state: State) -> None:
         """Go on from a state of :meth:`save_state`.  Raises KeyError or ValueError for one that is none."""
         like = np.zeros((0, len(self._places)))
         self._windows.pending = [check_array("pending", one, like, grows=True) for one in state["pending"]]
         self.rows = int(state["rows"])
+        self._trend = check_array("trend", state["trend"], np.zeros((2, len(self._places)))).copy()
         self.distributions = []
         if state["distributions"]:
             self._make_distributions(int(state["each"]))

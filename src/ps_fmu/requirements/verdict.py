@@ -9,14 +9,14 @@ from enum import StrEnum
 
 from ..pointing.confidence import MARKOV, Statement
 from ..pointing.interpretation import Interpretation
-from ..results.tables import Table
+from ..results.tables import Table, format_tables
 from .decision import advise, state
 from .record import RequirementRecord
 from .requirement import Requirement
 
 
 class Answer(StrEnum):
-    """What is said of a requirement; only the first counts as met."""
+    """The answer to a requirement; only the first answer counts as met."""
 
     MET = "met"
     NOT_MET = "not met"
@@ -28,7 +28,7 @@ class Answer(StrEnum):
 
 @dataclass(frozen=True)
 class Verdict:
-    """A requirement, one signal, one run of the scenario (several, where files of several are judged together)."""
+    """The answer to a requirement for one signal of one run, or of several runs that are judged together."""
 
     requirement: Requirement
     case: str
@@ -39,28 +39,28 @@ class Verdict:
     statement: Statement | None
     """In the unit of the signal; None where there was nothing to judge."""
     remark: str = ""
-    """What the numbers do not tell: why it cannot be said, what to do."""
+    """Why there is no answer, or how to get a closer bound."""
     rows: str = ""
     """Which rows were judged, of which bandwidth."""
 
     @property
     def met(self) -> bool:
-        """False also where it cannot be said."""
+        """True only if the answer is "met"."""
         return self.answer is Answer.MET
 
     @property
     def margin_percent(self) -> float | None:
-        """100 (1 - bound / limit); below 0 where the limit is exceeded, None without a bound."""
+        """Margin 100 (1 - bound / limit), %; negative if the bound exceeds the limit, None without a bound."""
         if self.statement is None or not math.isfinite(self.statement.bound):
             return None
         return 100.0 * (1.0 - self.statement.bound / self.limit)
 
     def convert(self, value: float) -> float:
-        """A value in the unit of the signal in that of the limit."""
+        """Convert a value from the unit of the signal to the unit of the limit."""
         return value / self.limit * self.requirement.limit.value
 
     def as_dict(self) -> dict[str, object]:
-        """The entry of summary.json: numbers in the unit of the limit, margin in percent."""
+        """Return the entry of summary.json: numbers in the unit of the limit, margin in percent."""
         stated = self.statement
         index = self.requirement.index
         return {
@@ -88,25 +88,43 @@ class Verdict:
             "rows": self.rows,
         }
 
+    @property
+    def value(self) -> str:
+        """The value in the unit of the limit as text without the unit; ``-`` if there is none."""
+        return self._show(None if self.statement is None else self.statement.value)
+
+    @property
+    def bound(self) -> str:
+        """The bound in the unit of the limit as text without the unit; ``-`` if there is none."""
+        return self._show(None if self.statement is None else self.statement.bound)
+
+    @property
+    def margin(self) -> str:
+        """The margin as text, in percent; for a bound above twice the limit the bound over the limit."""
+        return "-" if self.margin_percent is None else format_margin(self.margin_percent)
+
+    def _show(self, value: float | None) -> str:
+        return "-" if value is None or not math.isfinite(value) else f"{self.convert(value):.4g}"
+
     def as_row(self) -> tuple[str, ...]:
-        """The texts under :data:`HEADER`."""
-        unit = self.requirement.limit.unit
-        bound = math.inf if self.statement is None else self.statement.bound
-        value = "-" if self.statement is None else f"{self.convert(self.statement.value):.4g} {unit}"
-        return (
-            self.requirement.name,
-            self.answer.value if self.met else self.answer.value.upper(),
-            self.signal,
-            self.case,
-            value,
-            f"{self.convert(bound):.4g} {unit}" if math.isfinite(bound) else "-",
-            str(self.requirement.limit),
-            "-" if self.margin_percent is None else f"{self.margin_percent:.1f} %",
-        )
+        """Return the row of the table under :data:`HEADER`."""
+        answer = self.answer.value if self.met else self.answer.value.upper()
+        limit = str(self.requirement.limit)
+        return self.requirement.name, answer, self.signal, self.case, self.value, self.bound, limit, self.margin
 
 
-CONSTANT = "the value is the same at all times, and no run is long enough for its quantile: require its peak"
+CONSTANT = "the value is the same at all times, and no run is long enough for its quantile: require its peak."
+LEAST_MARGIN = -100.0  # percent; of what is less a factor says more
+
+
+def format_margin(percent: float) -> str:
+    """A margin, percent, as a text, such as ``23.1 %``, or ``12.5 x limit`` where the bound is far above the limit."""
+    times = float(f"{1.0 - 0.01 * percent:.2g}")
+    return f"{percent:.1f} %" if percent >= LEAST_MARGIN else f"{times:g} x limit"
+
+
 HEADER = ("requirement", "verdict", "signal", "run", "value", "bound", "limit", "margin")
+SIGNAL = HEADER.index("signal")
 
 
 def decide(stated: Statement, limit: float) -> Answer:
@@ -128,7 +146,7 @@ def judge(requirement: Requirement, case: str, runs: Sequence[RequirementRecord]
     judged_s = min(run.judged_s for run in runs)
     for place, target in enumerate(runs[0].targets):
         if len(filled) < len(runs):
-            why = f"a run ends before one window of {requirement.index.symbol} is full"
+            why = f"a run ends before one window of {requirement.index.symbol} is full: run longer."
             verdicts.append(Verdict(requirement, case, target.label, Answer.OPEN, target.limit, None, why, rows))
             continue
         stated = state(requirement, [distributions[place] for distributions in filled])
@@ -138,13 +156,13 @@ def judge(requirement: Requirement, case: str, runs: Sequence[RequirementRecord]
             if constant and requirement.interpretation is Interpretation.TEMPORAL:  # others want more runs
                 why = CONSTANT
             elif answer is Answer.OPEN:
-                why = f"there is no bound; {advise(requirement, stated, len(runs), judged_s)}"
+                why = f"there is no bound. {advise(requirement, stated, len(runs), judged_s)}"
             else:
                 side = "below" if stated.value <= target.limit else "above"
                 advice = advise(requirement, stated, len(runs), judged_s)
-                why = f"the value is {side} the limit, which its interval holds; {advice}"
+                why = f"the value is {side} the limit, and the limit is within its interval. {advice}"
         elif answer is Answer.MET and stated.method.startswith(MARKOV):
-            why = f"the bound is wide, by {MARKOV}; {advise(requirement, stated, len(runs), judged_s)}"
+            why = f"the bound is wide, by {MARKOV}. {advise(requirement, stated, len(runs), judged_s)}"
         verdicts.append(Verdict(requirement, case, target.label, answer, target.limit, stated, why, rows))
     return verdicts
 
@@ -158,26 +176,27 @@ def no_run(requirement: Requirement, cases: Sequence[str]) -> Verdict:
 
 
 def make_table(verdicts: Sequence[Verdict]) -> Table:
-    """All verdicts as a table."""
-    return Table(f"Requirements: {summarise(verdicts)}", HEADER, [verdict.as_row() for verdict in verdicts])
+    """All verdicts as a table, numbers in the unit of the limit; below a verdict its remark."""
+    remarks = [verdict.remark[:1].upper() + verdict.remark[1:] for verdict in verdicts]
+    rows = [verdict.as_row() for verdict in verdicts]
+    header, owners = list(HEADER), {row[SIGNAL].strip("|").partition(".")[0] for row in rows if "." in row[SIGNAL]}
+    if len(owners) == 1 and "," not in "".join(row[SIGNAL] for row in rows):  # said once, and lines stay short
+        (owner,) = owners
+        header[SIGNAL] = f"{header[SIGNAL]} of {owner}"
+        rows = [(*row[:SIGNAL], row[SIGNAL].replace(f"{owner}.", "", 1), *row[SIGNAL + 1 :]) for row in rows]
+    return Table(f"Requirements: {summarise(verdicts)}", header, rows, remarks)
 
 
 def list_remarks(verdicts: Sequence[Verdict]) -> list[str]:
-    """What the table has no room for: what each requirement is about, and the remarks, equal ones once."""
-    said = []
-    for verdict in verdicts:
-        required = verdict.requirement
-        said.append(f"{required.name}: {required.about}; {required.level}.")
-        if verdict.remark:
-            said.append(f"{required.name}, {verdict.signal}, {verdict.case}: {verdict.remark}.")
+    """What each requirement is about, and which rows were judged, equal texts once."""
+    said = [f"{v.requirement.name}: {v.requirement.about}; {v.requirement.level}." for v in verdicts]
     said += [f"{verdict.case}: judged from {verdict.rows}." for verdict in verdicts if verdict.rows]
     return list(dict.fromkeys(said))
 
 
 def format_verdicts(verdicts: Sequence[Verdict]) -> str:
     """Table and remarks for a terminal."""
-    table = make_table(verdicts)
-    return "\n".join([table.caption, table.to_text(), *list_remarks(verdicts)])
+    return format_tables([make_table(verdicts)], list_remarks(verdicts))
 
 
 def summarise(verdicts: Sequence[Verdict]) -> str:

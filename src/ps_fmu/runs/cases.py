@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import groupby
 from time import perf_counter
 from typing import Protocol, TypeVar
@@ -21,7 +22,7 @@ from ..cosim.faults.binding import ActedFault
 from ..cosim.recording.thinner import MemoryRecorder
 from ..cosim.structure import parse_port
 from ..interface.agreement import APART, Difference, find_differences
-from .divergence import Bounds, Divergence, describe_loop, explain_divergence
+from .divergence import Bounds, Divergence, Runaway, describe_loop, explain_divergence
 from .index_record import SIGNALS
 from .keeping import CaseKeeper, SinceStart, leave_no_empty_file
 from .options import RESULTS, RunOptions
@@ -157,8 +158,8 @@ def _run(
         texts = [*_list_overruled(system, case), *_list_connected(system, master), *master.faults.remarks]
         if not options.is_plain:
             texts += [*_list_open(system, master, case), *list_mismatches(system, case.values, options.apart)]
-            if system.kept is None and (loop := describe_loop(system, options, case.values)):
-                texts.append(f"Case {case.name}: {loop}. Its motion grows until a limit stops it.")
+            if system.kept is None:
+                warn_of_loops(system, options, [case])
         master.faults.check_end(duration)
         for text in texts:
             system.warnings.add(text)
@@ -178,7 +179,10 @@ def _run(
         ):
             watching = (*analysis.observers, *own)
             judging = [SinceStart(one, options.step_s) for one in watching] if start_s else watching
-            bounds = () if options.is_plain else (Bounds(master.columns),)  # of other systems any number may be right
+            bounds: tuple[Observer, ...] = ()
+            if not options.is_plain:  # of other systems any number may be right
+                describe = partial(describe_loop, system, options, case.values)
+                bounds = Bounds(master.columns), Runaway(master.columns, describe)
             observers: list[Observer] = [*bounds, recorder, *judging]
             watched = observers if costs is None else costs.time(observers)
             events = [(start_s + time, name, value) for time, name, value in case.events]
@@ -188,6 +192,13 @@ def _run(
         acted, ended = master.faults.list_acted(master.time), master.ended
         simulated_s = duration if ended is None or ended.time is None else ended.time - start_s
         return Outcome(case, simulated_s, spent_s, acted, start_s, ended), analysis
+
+
+def warn_of_loops(system: RunSystem, options: RunOptions, cases: Iterable[Case]) -> None:
+    """Add a warning for each case whose loops are unstable in the linear model."""
+    for case in cases:
+        if loop := describe_loop(system, options, case.values):
+            system.warnings.add(f"Case {case.name}: {loop}. Its motion grows without limit, and the run stops.")
 
 
 def _list_needed(
@@ -256,7 +267,7 @@ def _list_connected(system: RunSystem, master: Master) -> Iterator[str]:
     sources = {str(connection.target): connection.source for connection in master.wiring.connections}
     for name, entry in system.given.items():
         if name in sources:
-            yield f"{name} ({entry.origin}) holds until the first exchange alone: it is connected to {sources[name]}"
+            yield f"{name} ({entry.origin}) acts only until the first exchange: it is connected to {sources[name]}"
 
 
 @contextmanager
@@ -338,5 +349,5 @@ def _describe(component: str, differences: list[Difference]) -> str:
     meant = component if len(differences) > 1 else f"{component}.{differences[0].quantity}"
     return (
         f"{component} describes another mechanism than the plant. {named}{more}. Set both alike in a parameter file "
-        f"(ps-fmu parameters writes the values of all FMUs from one file); if it is meant, say --apart {meant}"
+        f"(ps-fmu parameters writes the values of all FMUs from one file); if you mean it, give --apart {meant}"
     )

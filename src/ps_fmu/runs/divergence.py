@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -12,8 +13,8 @@ from numpy.typing import NDArray
 
 from ..cosim import Column, CosimError, UsageError, Value
 from ..cosim.recording.delivery import read_rows
-from ..interface.linear_system import Circuit, LinearModelError, read_model
-from ..mechanism.quantities import ParameterError
+from ..interface.linear_system import MOST_GAIN_DB, Circuit, LinearModelError, Reserve, read_model
+from ..mechanism.quantities import Complex, ParameterError
 from ..pointing.response import find_growth
 from ..results.datasets import open_results
 from ..theory.stability import describe_unstable
@@ -24,16 +25,27 @@ from .stored_rows import make_stored_names
 Array = NDArray[np.float64]
 
 USELESS = 1e100  # in any unit; beyond its square statistics would overflow, and none of it is motion of a spacecraft
+ROTATION = tuple(f"plant.payload_rotation.{axis}" for axis in "xyz")
+FAR_RAD = 0.01  # a thousand times what the payload turns without the isolator
 #: What grows in an unstable loop, as far as it is stored.  Rotations are last: large ones grow with the square.
 WATCHED = (
     *(f"{one}_{leg}" for one in ("plant.fine_displacement", "isolator.fine_force") for leg in (1, 2, 3)),
-    *(f"plant.payload_rotation.{axis}" for axis in "xyz"),
+    *ROTATION,
 )
+LEAST_GAIN_DB = 6.0  # of a margin
+_NO_ANSWER = LinearModelError, ParameterError, UsageError, KeyError, np.linalg.LinAlgError
 ISOLATED, POINTED = "isolator.enabled", "pointing.enabled"
 
 
 class Divergence(CosimError):
-    """A motion that has grown without limit, as in an unstable loop."""
+    """A motion that has grown without limit, as in an unstable loop.
+
+    ``time``: s since the start of the simulation, when it was too large; rows after it tell nothing of the growth.
+    """
+
+    def __init__(self, text: str, time: float = math.inf) -> None:
+        super().__init__(text)
+        self.time = time
 
 
 @dataclass(frozen=True)
@@ -62,6 +74,43 @@ class Bounds:
         )
 
 
+class Runaway:
+    """Observer that ends a run by :class:`Divergence` when its payload turns far and its loops are unstable.
+
+    Models of the plant that are made anew at each large motion would cost minutes, for numbers that mean nothing.
+
+    Parameters
+    ----------
+    describe: what makes the loops unstable, empty for stable ones; asked once, when the payload has turned far.
+    """
+
+    def __init__(self, columns: Sequence[Column], describe: Callable[[], str]) -> None:
+        self._places = [place for place, column in enumerate(columns) if column.name in ROTATION]
+        self._describe = describe
+        self._asked = not self._places
+
+    def save_state(self) -> dict[str, object]:
+        """Nothing: each block is looked at by itself."""
+        return {}
+
+    def load_state(self, state: Mapping[str, object]) -> None:
+        """As :meth:`save_state`."""
+
+    def block(self, _first_index: int, time: Array, values: Array) -> None:
+        """Look at the rows (rows, columns); ``time`` (rows,) in s."""
+        if self._asked or not len(values):
+            return
+        far = np.abs(values[:, self._places]).max(axis=1) > FAR_RAD
+        if far.any():
+            self._asked = True
+            if self._describe():
+                begin = float(time[far.argmax()])
+                raise Divergence(f"the payload has turned by {1e3 * FAR_RAD:g} mrad at t = {begin:.4g} s", begin)
+
+    early = block
+    """Rows of an unfinished block: one that grows takes long in coming."""
+
+
 class Growth(NamedTuple):
     """What grew exponentially at the end of a run."""
 
@@ -83,7 +132,10 @@ def explain_divergence(
 
     ``values``: what the case sets, by ``component.variable``.
     """
-    growth, loop = _find_growth(_read_watched(system, options, case)), describe_loop(system, options, values)
+    end = error.time if isinstance(error, Divergence) else math.inf
+    end -= 2.0 * options.storage_s  # rows about it may be stored, or not
+    rows = {name: (t[t <= end], found[t <= end]) for name, (t, found) in _read_watched(system, options, case).items()}
+    growth, loop = _find_growth(rows), describe_loop(system, options, values)
     if growth is None and not loop:
         return None
     causes = [
@@ -95,19 +147,76 @@ def explain_divergence(
 
 def describe_loop(system: RunSystem, options: RunOptions, values: Mapping[str, Value]) -> str:
     """The unstable poles of the linear model, and what to turn; empty if it is stable, or there is none."""
+    with suppress(*_NO_ANSWER):
+        circuit = find_circuit(system, options, values)
+        if circuit is not None and len(circuit.unstable):
+            return f"the closed loop is unstable: {describe_unstable(circuit.unstable)}. {circuit.advise()}"
+    return ""
+
+
+def find_circuit(system: RunSystem, options: RunOptions, values: Mapping[str, Value]) -> Circuit | None:
+    """The linear model of a case, kept by ``system``; None: its isolator is off, or there is no closed form of it."""
     on = {name: bool(values.get(name, _get_start(system, name))) for name in (ISOLATED, POINTED)}
     if not on[ISOLATED]:  # then nothing is closed, or a line-of-sight loop alone, of which there is no closed form
-        return ""
-    try:
-        model = read_model(system.structure.with_parameters(values), options.step_s)
-        if not on[POINTED]:
-            model = model.without_pointing()
-        circuit = Circuit(model, active=True)
-        if not len(circuit.unstable):
-            return ""
-        return f"the closed loop is unstable: {describe_unstable(circuit.unstable)}. {circuit.advise()}"
-    except (LinearModelError, ParameterError, UsageError, KeyError, np.linalg.LinAlgError):
-        return ""
+        return None
+    key = options.step_s, *sorted(values.items())
+    if key not in system.circuits:
+        with suppress(*_NO_ANSWER):
+            model = read_model(system.structure.with_parameters(values), options.step_s)
+            system.circuits[key] = Circuit(model if on[POINTED] else model.without_pointing(), active=True)
+    return system.circuits.get(key)
+
+
+@dataclass(frozen=True)
+class LoopState:
+    """Whether the closed loops of a case are stable in the linear model, and how far from instability."""
+
+    unstable: Complex
+    """Poles in the right half-plane, rad/s, the one farthest to the right first."""
+    reserve: Reserve | None
+    """Of the isolator; None: unstable, or see :meth:`.Circuit.find_reserve`."""
+
+    @property
+    def text(self) -> str:
+        """One sentence."""
+        if len(self.unstable):
+            return f"the linear model is UNSTABLE: {describe_unstable(self.unstable)}."
+        if self.reserve is None:
+            return "the linear model is stable; ps-fmu analyse stability finds its least damped poles and margins."
+        small = f" Less than {LEAST_GAIN_DB:g} dB is little." if abs(self.reserve.gain_db) < LEAST_GAIN_DB else ""
+        return f"the linear model is stable: {self.reserve}.{small}"
+
+    def as_dict(self) -> dict[str, object]:
+        """The entry of summary.json."""
+        near = self.reserve
+        return {
+            "stable": not len(self.unstable),
+            "unstable_poles_rad_s": [[pole.real, pole.imag] for pole in self.unstable],
+            "least_damped_pole_rad_s": None if near is None else [near.pole.real, near.pole.imag],
+            "frequency_hz": None if near is None else near.frequency_hz,
+            "damping_ratio": None if near is None else near.damping_ratio,
+            "gain_margin_db": None if near is None else min(abs(near.gain_db), MOST_GAIN_DB),
+        }
+
+
+def judge_loops(
+    system: RunSystem, options: RunOptions, cases: Mapping[str, Mapping[str, Value]], thorough: bool = False
+) -> dict[str, LoopState]:
+    """The state of the loops of each case that has a linear model with a closed loop, by its name.
+
+    ``cases``: what each sets, by ``component.variable``.  ``thorough``: also where that takes 0.2 s, unless it is known
+    already: where a line-of-sight loop is closed, or the isolator's delay is long.
+    """
+    found = {}
+    for name, values in cases.items():
+        circuit = None if options.is_plain else find_circuit(system, options, values)
+        if circuit is None:
+            continue
+        costly = (circuit.closed or circuit.has_long_delay) and "unstable" not in vars(circuit)
+        if thorough or not costly:
+            with suppress(*_NO_ANSWER):
+                found[name] = LoopState(circuit.unstable, circuit.find_reserve())
+    return found
 
 
 def _get_start(system: RunSystem, name: str) -> Value:

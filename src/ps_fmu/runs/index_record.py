@@ -123,7 +123,7 @@ class IndexRecord(ColumnObserver):
         window = self._width * step_s
         self._evaluated: tuple[PointingIndex, ...] = (AbsoluteError(),)
         if self._width > 1:
-            self._evaluated += (MeanError(window), RelativeError(window, "uniform"), DriftError(window, window))
+            self._evaluated += list_kinds(window)
         self._rows = rows
         self._found: dict[PointingIndex, list[Distribution]] = {}
         # The window before, for the PDE, then windows that are evaluated together.
@@ -201,6 +201,19 @@ class IndexRecord(ColumnObserver):
         return tuple(IndexStatistics(index, own) for index, own in self._found.items())
 
 
+def is_alike(one: PointingIndex, other: PointingIndex) -> bool:
+    """Whether two indices are the same but for rounding of their times."""
+    if type(one) is not type(other):
+        return False
+    pairs = [(getattr(one, item.name), getattr(other, item.name)) for item in fields(one)]  # type: ignore[arg-type]
+    return all(a == b if isinstance(a, str) else math.isclose(a, b, rel_tol=1e-9) for a, b in pairs)
+
+
+def list_kinds(window_s: float) -> tuple[PointingIndex, ...]:
+    """The indices of windows [s] that :class:`IndexRecord` finds beside APE."""
+    return MeanError(window_s), RelativeError(window_s, "uniform"), DriftError(window_s, window_s)
+
+
 @dataclass(frozen=True)
 class CaseIndices:
     """The indices of one run of a scenario."""
@@ -208,10 +221,16 @@ class CaseIndices:
     names: tuple[str, ...]
     units: tuple[str, ...]
     found: tuple[IndexStatistics, ...]
+    more: tuple[IndexStatistics, ...] = ()
+    """Of other windows than :data:`WINDOW_S`."""
 
     def of(self, symbol: str) -> IndexStatistics | None:
         """The index of a symbol; None if the run was too short for it."""
         return next((one for one in self.found if one.index.symbol == symbol), None)
+
+    def find(self, index: PointingIndex) -> IndexStatistics | None:
+        """An index by kind, window and times; None: it is not among those, or the run was too short for it."""
+        return next((one for one in (*self.found, *self.more) if is_alike(one.index, index)), None)
 
     def as_dict(self) -> dict[str, object]:
         """signal -> its unit, and index -> what :meth:`IndexStatistics.as_dict` says."""
@@ -223,15 +242,16 @@ class CaseIndices:
 
 @dataclass(frozen=True)
 class IndexLog:
-    """The index records of a scenario's runs, by their names."""
+    """The index records of a scenario's runs, by their names; ``windows``, s, beside :data:`WINDOW_S`."""
 
-    _records: dict[str, IndexRecord] = field(default_factory=dict)
+    windows: tuple[float, ...] = ()
+    _records: dict[str, list[IndexRecord]] = field(default_factory=dict)
     _found: dict[str, CaseIndices] = field(default_factory=dict)
 
     def observe(
         self, case: str, columns: Sequence[NamedColumn], step_s: float, steps: int, lead_steps: int = 0
     ) -> list[IndexRecord]:
-        """The observer of a run; none where the system has not the signals.
+        """The observers of a run; none where the system has not the signals.
 
         ``lead_steps``: steps at the start of the run that are left out, row 0 with them.
         """
@@ -241,14 +261,18 @@ class IndexLog:
             return []
         start_s = (lead_steps + 0.5) * step_s if lead_steps else -math.inf  # between two rows
         rows = steps - lead_steps + (not lead_steps)
-        self._records[case] = IndexRecord(columns, names, step_s=step_s, rows=rows, start_s=start_s)
-        return [self._records[case]]
+        self._records[case] = [
+            IndexRecord(columns, names, step_s=step_s, rows=rows, window_s=window_s, start_s=start_s)
+            for window_s in (WINDOW_S, *self.windows)
+        ]
+        return self._records[case]
 
     def of(self, case: str) -> CaseIndices:
         """The indices of a run that is over.  Raises KeyError for one that was not observed."""
         if case not in self._found:
-            record = self._records[case]
-            self._found[case] = CaseIndices(record.names, record.units, record.result())
+            record, *others = self._records[case]
+            more = tuple(one for other in others for one in other.result()[1:])
+            self._found[case] = CaseIndices(record.names, record.units, record.result(), more)
         return self._found[case]
 
     def __iter__(self) -> Iterator[str]:

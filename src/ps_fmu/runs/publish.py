@@ -13,11 +13,14 @@ from ..results.figures import Painter, draw_exploration
 from ..results.page.content import Exploration, VerdictRow
 from ..results.report import Picture, Report
 from ..results.summary import versions, write_summary
-from ..results.tables import Table
+from ..results.tables import Table, format_tables
 from .cases import Outcome
+from .divergence import LoopState, judge_loops
 from .options import REPORT, RESULTS, SUMMARY, RunOptions
 from .setup import SEED, RunSystem, collect_parameters, has_disturbance
 from .stored_rows import finish_file
+
+States = Mapping[str, LoopState]
 
 
 @dataclass(frozen=True)
@@ -89,7 +92,7 @@ def publish(
     Report(
         title=findings.title,
         verdicts=[*map(show_verdict, verdicts), *findings.verdicts],
-        text=[*list_remarks(verdicts), *findings.text],
+        text=[*list_remarks(verdicts), *list_states(options, system, findings), *findings.text],
         tables=[*faults, *findings.tables, *findings.tabulate()],
         explored=explored,
         pictures=pictures,
@@ -108,7 +111,7 @@ def describe(options: RunOptions, system: RunSystem, findings: Findings) -> list
     verdicts = system.judge.conclude()
     shown = [format_verdicts(verdicts)] if verdicts else []
     tables = *_tabulate_faults(options, findings), *system.costs.to_tables()
-    return [*shown, *(f"{table.caption}\n{table.to_text()}\n" for table in tables)]
+    return [*shown, format_tables(tables, list_states(options, system, findings))]
 
 
 def make_summary(options: RunOptions, system: RunSystem, findings: Findings) -> dict[str, object]:
@@ -129,6 +132,7 @@ def make_summary(options: RunOptions, system: RunSystem, findings: Findings) -> 
         "fmus": system.fmus,
         "versions": versions(),
         **findings.more,
+        "stability": {case: state.as_dict() for case, state in find_states(options, system, findings).items()},
         **required,
         **({} if options.faults is None else {"faults": list_faults(options.faults, acted)}),
         **({"costs": system.costs.as_dict()} if options.profile else {}),
@@ -136,6 +140,20 @@ def make_summary(options: RunOptions, system: RunSystem, findings: Findings) -> 
         "parameters": collect_parameters(options, system),
         "warnings": system.warnings.texts,
     }
+
+
+def find_states(options: RunOptions, system: RunSystem, findings: Findings, thorough: bool = False) -> States:
+    """The stability of each case that has a linear model with a closed loop, by its name."""
+    cases = {outcome.case.name: outcome.case.values for outcome in findings.outcomes}
+    return judge_loops(system, options, cases, thorough)
+
+
+def list_states(options: RunOptions, system: RunSystem, findings: Findings) -> list[str]:
+    """A sentence for each state, with the cases that have it."""
+    names: dict[str, list[str]] = {}
+    for case, state in find_states(options, system, findings).items():
+        names.setdefault(state.text, []).append(case)
+    return [f"Stability, {', '.join(cases)}: {text}" for text, cases in names.items()]
 
 
 def list_missed(system: RunSystem, findings: Findings) -> list[str]:
@@ -155,15 +173,17 @@ def _tabulate_faults(options: RunOptions, findings: Findings) -> list[Table]:
 
 def show_verdict(found: Verdict) -> VerdictRow:
     """A verdict as a row of the report."""
-    name, _, signal, case, value, bound, limit, margin = found.as_row()
-    sure = found.requirement.confidence
+    required, bound = found.requirement, found.bound
+    sure, unit = required.confidence, required.limit.unit
+    below = "no bound" if bound == "-" else f"below {bound} {unit} with {100.0 * (sure or 0.0):g} %"
     return VerdictRow(
-        requirement=f"{name}: {found.requirement.about}, {signal}, {case}",
-        value=value,
-        limit=limit,
-        margin=margin,
-        confidence="-" if sure is None else f"below {bound} with {100.0 * sure:g} %" if bound != "-" else "no bound",
+        requirement=f"{required.name}: {required.about}, {found.signal}, {found.case}",
+        value=found.value if found.value == "-" else f"{found.value} {unit}",
+        limit=str(required.limit),
+        margin=found.margin,
+        confidence="-" if sure is None else below,
         answer=found.answer.value,
+        remark=found.remark[:1].upper() + found.remark[1:],
     )
 
 

@@ -74,7 +74,7 @@ def explain_drift(system: System, component: str, duration_s: float) -> Iterator
         return
     file, (begin, end) = Path(own.path).name, recording.span
     plant = next((one for one in system.components if one.source.stem == PLANT), None)
-    if plant is not None:
+    if plant is not None and not own.detrend:
         physics = take_values(Plant.from_parameters(load()), find_values(plant))
         payload, place_B = physics.payload, physics.manipulator.nominal_translation_B
         mass = bus_mass(physics.bus) + rigid_body_mass(payload.mass, place_B + payload.com_P, payload.inertia_P)

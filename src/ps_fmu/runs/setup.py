@@ -24,7 +24,7 @@ from ..cosim.schemes.scheme import Scheme, make_scheme
 from ..cosim.signals import Signal, read_signals
 from ..cosim.ssp.reading import complete_experiment, fit_duration, read_any_system
 from ..cosim.structure import Parameter, PortName, parse_port
-from ..interface.linear_system import DELAYS
+from ..interface.linear_system import DELAYS, Circuit
 from ..mechanism.quantities import ParameterError
 from ..results.summary import FmuFile
 from ..theory.sampled import round_delay
@@ -39,6 +39,7 @@ from .stored_rows import KeptRows
 SEED = "disturbance.seed"
 _PATH = "recording.path"
 RECORDING_PATH = f"disturbance.{_PATH}"
+BASE, OWN_BASE = "plant.base", "own"
 NOISE, MULTISINE = "disturbance.noise.enabled", "disturbance.noise.multisine"
 DISTURBED = (Need(SEED, "parameter", "Integer"), Need(NOISE, "parameter", "Boolean"))
 """What scenarios need that set the disturbance themselves."""
@@ -86,6 +87,8 @@ class RunSystem:
     """All that a run can record."""
     kept: KeptRows | None = None
     """Where the rows of the runs are kept in memory; None: they are written into results.nc."""
+    circuits: dict[tuple[object, ...], Circuit] = field(default_factory=dict)
+    """Linear models of cases, by their step and what they set, see :mod:`.divergence`."""
     runner: Runner | None = None
     """Has the FMUs, where they stay loaded from run to run."""
 
@@ -187,11 +190,11 @@ def settle_times(options: RunOptions, files: SystemFiles) -> RunOptions:
     experiment = complete_experiment(files.structure, files.descriptions)
     step, duration = experiment.step if math.isnan(options.step_s) else options.step_s, options.duration_s
     if step is None:
-        raise OptionError(f"--step: neither {options.system} nor its FMUs state a step: say how many seconds")
+        raise OptionError(f"--step: neither {options.system} nor its FMUs state a step: give it in seconds")
     if math.isnan(duration):
         if experiment.stop_time is None:
             stated = f"neither {options.system} nor its FMUs state a stop time"
-            raise OptionError(f"--duration: {stated}: say how many seconds")
+            raise OptionError(f"--duration: {stated}: give it in seconds")
         duration = fit_duration(experiment.stop_time - experiment.start_time, step)
     return replace(options, step_s=step, duration_s=duration)
 
@@ -250,8 +253,10 @@ def load_system(
     except UsageError as error:
         raise ColumnsError(str(error)) from error
     select_stored(columns, options.observe)
+    judge = read_judge(options, columns, floats=_floats(structure, descriptions))
     system = RunSystem(
-        structure, descriptions, given, scheme, warnings, read_judge(options, columns), faults=faults, inputs=inputs,
+        structure, descriptions, given, scheme, warnings, judge, IndexLog(judge.list_windows()), faults=faults,
+        inputs=inputs,
         also=frozenset(also), columns=columns,
     )  # fmt: skip
     source = parse_port(SEED).component
@@ -301,6 +306,16 @@ def check_needs(options: RunOptions, structure: System, descriptions: Mapping[st
             f"--system: {options.system} does not fit the scenario {scenario.name}:\n{listed}\n"
             f"ps-fmu list {scenario.name} lists all that it uses; ps-fmu run {options.system} runs any system"
         )
+
+
+def _floats(structure: System, descriptions: Mapping[str, ModelDescription]) -> bool:
+    """Whether there is a plant of ps_fmu with a bus that moves as the forces on it make it."""
+    component = parse_port(BASE).component
+    variables = index_variables(descriptions[component]) if component in descriptions else {}
+    if parse_port(BASE).variable not in variables:
+        return False
+    entry = structure.component(component).parameters.get(parse_port(BASE).variable)
+    return (variables[parse_port(BASE).variable].start if entry is None else entry.value) == OWN_BASE
 
 
 def list_delays(system: RunSystem) -> Iterator[tuple[str, float]]:

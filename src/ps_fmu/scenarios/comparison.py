@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
@@ -15,13 +16,15 @@ from ..cosim import UsageError, Value
 from ..cosim.description import index_variables
 from ..cosim.structure import parse_port
 from ..pointing.spectra import rejection_percent
-from ..results.tables import Table, format_angles, format_number
-from ..runs.cases import Case, Outcome, run_case
-from ..runs.index_record import PROBABILITIES, WINDOW_S, IndexLog
+from ..requirements.decision import quantile_of_record
+from ..results.tables import Table, format_angles, format_number, format_tables
+from ..runs.cases import Case, Outcome, run_case, warn_of_loops
+from ..runs.index_record import CONFIDENCE, IndexLog
+from ..runs.judge import USUAL_LEVEL, RunJudge
 from ..runs.options import RunOptions
 from ..runs.publish import Findings
 from ..runs.scenario import list_needs
-from ..runs.setup import RunSystem
+from ..runs.setup import NOISE, RECORDING_PATH, RunSystem, has_disturbance
 from .jitter_record import JITTER_SIGNALS, JitterRecord
 from .jitter_record import NEEDS as RECORDED
 
@@ -151,22 +154,15 @@ def run_cases(
         explored=explored,
         history=history,
     )
-    return [
-        run_case(
-            system,
-            options,
-            Case(
-                prefix + name,
-                {**targets, **switch_loops(system, enabled=enabled)},
-                lead_s=lead_steps * options.step_s,
-            ),
-            judge,
-            needs=JITTER_SIGNALS,
-            duration_s=steps * options.step_s,
-        )
+    cases = [
+        Case(prefix + name, {**targets, **switch_loops(system, enabled=enabled)}, lead_s=lead_steps * options.step_s)
         for name, enabled in ((*zip(CASES, (False, True), strict=True), (ORIGINAL, True)))
         if name in (only or CASES)
     ]
+    if system.kept is None:
+        warn_of_loops(system, options, cases)  # before the first of them takes its time
+    duration_s = steps * options.step_s
+    return [run_case(system, options, case, judge, needs=JITTER_SIGNALS, duration_s=duration_s) for case in cases]
 
 
 def switch_loops(system: RunSystem, *, enabled: bool) -> dict[str, Value]:
@@ -177,6 +173,24 @@ def switch_loops(system: RunSystem, *, enabled: bool) -> dict[str, Value]:
     ):
         return {ENABLED: enabled}
     return {ENABLED: enabled, LOOP: enabled and system.get_start(LOOP)}
+
+
+def describe_runs(system: RunSystem, outcomes: Sequence[Outcome]) -> str:
+    """What was run: the FMUs, what each case switches, what disturbs; from components and start values."""
+    fmus = ", ".join(f"{one.name} ({one.source.stem})" for one in system.structure.components)
+    said = [f"FMUs in co-simulation: {fmus}."]
+    loops = {ENABLED: "isolator", LOOP: "line-of-sight loop"}
+    for case in (one.case for one in outcomes):
+        states = {loop: case.values[name] for name, loop in loops.items() if name in case.values}
+        shown = ", ".join(f"{loop} {'on' if on else 'off'}" for loop, on in states.items())
+        said.append(f"Case {case.name}: {shown}.")
+    if has_disturbance(system.descriptions):
+        if system.get_start(NOISE):
+            rise_s = system.get_number("disturbance.rise_time")
+            said.append(f"The noise of the disturbance rises from zero over the first {rise_s:g} s.")
+        if path := system.get_start(RECORDING_PATH):
+            said.append(f"The recorded disturbance {Path(str(path)).name} acts from the start on.")
+    return " ".join([*said, "Tables and figures cover the whole run."])
 
 
 def describe_alone(outcomes: Sequence[Outcome], indices: IndexLog) -> Findings:
@@ -190,7 +204,7 @@ def describe_alone(outcomes: Sequence[Outcome], indices: IndexLog) -> Findings:
     table = Table("Absolute performance error (APE)", ("case", "signal", "RMS", "peak"), rows)
     names = ", ".join(outcome.case.name for outcome in outcomes)
     return Findings(
-        title=f"Cases: {names}", printed=table.to_text(), outcomes=outcomes, orientation_deg=(0.0, 0.0, 0.0),
+        title=f"Cases: {names}", printed=format_tables([table]), outcomes=outcomes, orientation_deg=(0.0, 0.0, 0.0),
         tables=[table],
     )  # fmt: skip
 
@@ -224,14 +238,21 @@ def explain_refusal(target_deg: Orientation) -> str:
 HEADER = ("orientation (deg)", "axis", "passive RMS (rad)", "active RMS (rad)", "rejection (%)")
 
 
-def make_rows(comparison: Comparison) -> list[tuple[str, ...]]:
-    """The results of an orientation as rows under :data:`HEADER`."""
-    first = format_angles(comparison.orientation_deg)
-    columns = zip(comparison.rms_passive, comparison.rms_active, comparison.rejection, strict=True)
+def make_rows(comparison: Comparison, factor: float = 1.0) -> list[tuple[str, ...]]:
+    """The results of an orientation as rows under :data:`HEADER`; ``factor``: from rad into another unit."""
+    first, form = format_angles(comparison.orientation_deg), ".3e" if factor == 1.0 else ".4g"
+    columns = zip(factor * comparison.rms_passive, factor * comparison.rms_active, comparison.rejection, strict=True)
     return [
-        (first if axis == "x" else "", axis, f"{passive:.3e}", f"{active:.3e}", _show(rejection))
+        (first if axis == "x" else "", axis, f"{passive:{form}}", f"{active:{form}}", _show(rejection))
         for axis, (passive, active, rejection) in zip(AXES, columns, strict=True)
     ]
+
+
+def make_jitter_table(comparison: Comparison, judge: RunJudge) -> Table:
+    """The results of one orientation, in the unit of the requirements, if there are any on a rotation."""
+    unit, factor = judge.choose_unit("rad")
+    header = [title.replace("(rad)", f"({unit})") for title in HEADER]
+    return Table("Jitter of the payload: rotation by vibration, axes of P", header, make_rows(comparison, factor))
 
 
 def _show(rejection: float) -> str:
@@ -239,25 +260,31 @@ def _show(rejection: float) -> str:
     return f"none: {1.0 - 0.01 * rejection:.3g} x" if rejection < 0.0 else format_number(rejection, ".2f")
 
 
-INDEX_HEADER = (
-    "signal", "index", "RMS passive", "RMS active", "95 % passive", "95 % active", "peak passive", "peak active"
-)  # fmt: skip
+INDEX_HEADER = ("signal", "index", "RMS passive", "RMS active", "quantile passive", "quantile active", "peak passive",
+                "peak active")  # fmt: skip
 
 
-def make_index_table(comparison: Comparison, indices: IndexLog) -> Table:
-    """The indices of both runs: RMS, 95 % quantile of the magnitude, peak, in the unit of the signal."""
-    passive, active = (indices.of(outcome.case.name) for outcome in comparison.outcomes)
-    level = PROBABILITIES.index(0.95)
+def make_index_table(comparison: Comparison, system: RunSystem) -> Table:
+    """The indices of both runs: RMS, quantile of the magnitude, peak.
+
+    With requirements their indices, windows, probabilities and units; else APE, and MPE, RPE and PDE over 1 s, 95 %.
+    """
+    passive, active = (system.indices.of(outcome.case.name) for outcome in comparison.outcomes)
+    wanted = system.judge.list_levels() or [(one.index, USUAL_LEVEL) for one in passive.found]
     rows = []
     for place, (name, unit) in enumerate(zip(passive.names, passive.units, strict=True)):
-        for one, other in zip(passive.found, active.found, strict=True):
-            pairs = (
-                *(found.rms[place] for found in (one, other)),
-                *(found.quantiles[place][level].value for found in (one, other)),
-                *(found.peak[place] for found in (one, other)),
+        shown, factor = system.judge.choose_unit(unit)
+        form = ".3e" if factor == 1.0 else ".4g"
+        for index, level in wanted:
+            one, other = passive.find(index), active.find(index)
+            if one is None or other is None:  # of another kind, or the run is too short
+                continue
+            both = one, other
+            values = (
+                *(found.rms[place] for found in both),
+                *(quantile_of_record(found.distributions[place], level, CONFIDENCE).value for found in both),
+                *(found.peak[place] for found in both),
             )
-            rows.append((f"{name} ({unit})", one.index.symbol, *(f"{value:.3e}" for value in pairs)))
-    windows = "" if len(passive.found) == 1 else (
-        f"; relative to the mean over {WINDOW_S:g} s (RPE), that mean (MPE), and its change to the next window (PDE)"
-    )  # fmt: skip
-    return Table(f"ECSS-E-ST-60-10C indices: absolute (APE){windows}. Confidence: summary.json", INDEX_HEADER, rows)
+            about = f"{index.about}, {100.0 * level:g} %"
+            rows.append((f"{name} ({shown})", about, *(f"{factor * value:{form}}" for value in values)))
+    return Table("ECSS-E-ST-60-10C indices, from every step of the run. Confidence: summary.json", INDEX_HEADER, rows)

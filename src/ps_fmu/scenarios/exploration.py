@@ -86,11 +86,13 @@ def _chart_comparison(comparison: Comparison, prefix: str) -> tuple[list[ChartGr
     width = time[1] - time[0] if len(time) > 1 else 0.0
     histories = ChartGroup(
         f"Rotation of the payload by vibration, axes of P, {where}",
-        f"Smallest and largest value of each {width:.3g} s of the run, from every step: no peak is lost.",
+        f"Smallest and largest value of each {width:.3g} s of the run, from every step: no peak is lost. On the right "
+        "the active case alone, with a scale of its own.",
         Axis("time", "s", time),
         chart_envelopes(list(zip(CASES, CASES, envelopes, strict=True))),
         shaded=shade_faults(comparison.outcomes[1]),
         stills=[Still(f"{prefix}jitter.png", enlarged="active")],
+        alone="active",
     )
     clouds = CloudGroup(
         f"Image point of the boresight {where}",

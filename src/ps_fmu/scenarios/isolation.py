@@ -8,23 +8,22 @@ from __future__ import annotations
 from functools import partial
 
 from ..cosim import CosimError
-from ..results.tables import Table, format_angles
+from ..results.tables import Table, format_angles, format_tables
 from ..runs.publish import Findings
 from ..runs.run import Run
-from ..runs.setup import has_disturbance
 from .amplification import explain_worse
 from .comparison import (
     AXES,
     CASES,
-    HEADER,
     NEEDS,
     ORIGINAL,
     Comparison,
     compare,
     describe_alone,
+    describe_runs,
     explain_refusal,
     make_index_table,
-    make_rows,
+    make_jitter_table,
     read_target,
     run_cases,
 )
@@ -52,7 +51,7 @@ def find(run: Run) -> Findings:
     found = compare(target, runs)
     if worse := explain_worse(found, system, run.options):
         system.warnings.add(worse)
-    tables = [Table("Jitter of the payload: rotation by vibration, axes of P", HEADER, make_rows(found))]
+    tables = [make_jitter_table(found, system.judge)]
     outcomes = list(found.outcomes)
     if (own := run.load_original(AROUND)) is not None:
         try:
@@ -62,21 +61,13 @@ def find(run: Run) -> Findings:
         else:
             outcomes.append(outcome)
             tables.append(_tabulate_original(found, original, run))
-    rises = ""
-    if has_disturbance(system.descriptions):
-        rises = f"; the disturbance rises from zero over the first {system.get_number('disturbance.rise_time'):g} s"
-    text = [
-        f"FMUs in co-simulation: {', '.join(component.name for component in system.structure.components)}. The "
-        "disturbance acts on the bus twice, without and with the feedforward isolator. Tables and figures cover the "
-        f"whole run{rises}.",
-    ]
     refused = "" if found.reachable else explain_refusal(found.target_deg)
     return Findings(
         title=f"Isolation at {format_angles(found.orientation_deg)} deg",
-        printed="\n\n".join(table.to_text() for table in tables),
-        text=[*filter(None, (refused, worse)), *text],
+        printed=format_tables(tables),
+        text=[*filter(None, (refused, worse)), describe_runs(system, found.outcomes)],
         tables=tables,
-        tabulate=lambda: [make_index_table(found, system.indices)],
+        tabulate=lambda: [make_index_table(found, system)],
         outcomes=outcomes,
         orientation_deg=found.orientation_deg,
         rms_passive_rad=found.rms_passive.tolist(),

@@ -30,14 +30,13 @@ from ..theory.natural_modes import NaturalMode, find_natural_modes
 from ..theory.sampled import LOOP_DELAY, from_wrench_stepped
 from .comparison import (
     CASES,
-    HEADER,
     IN_CLOSED_FORM,
     Comparison,
     compare,
     describe_alone,
     explain_refusal,
     make_index_table,
-    make_rows,
+    make_jitter_table,
     read_target,
     run_cases,
 )
@@ -92,16 +91,16 @@ def find(run: Run) -> Findings:
         return describe_alone([outcome for outcome, _ in runs], system.indices)
     found = compare(target, runs)
     cases, waterfall = analyse(system, options, found, wheels)
-    jitter = Table("Jitter of the payload: rotation by vibration, axes of P", HEADER, make_rows(found))
+    jitter = make_jitter_table(found, system.judge)
     crossings = tabulate_crossings(cases)
     worst = [describe_worst(name, case, wheels) for name, case in cases.items()]
     refused = [] if found.reachable else [explain_refusal(found.target_deg)]
     return Findings(
         title=f"Reaction wheels: {', '.join(describe_speed(wheel, options.duration_s) for wheel in wheels)}",
-        printed="\n".join([jitter.to_text(), "", format_tables([crossings], worst)]),
+        printed=format_tables([jitter, crossings], worst),
         text=[*refused, *worst, ABOUT],
         tables=[crossings, jitter],
-        tabulate=lambda: [make_index_table(found, system.indices)],
+        tabulate=lambda: [make_index_table(found, system)],
         outcomes=found.outcomes,
         orientation_deg=found.orientation_deg,
         rms_passive_rad=found.rms_passive.tolist(),

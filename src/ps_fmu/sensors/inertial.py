@@ -103,7 +103,7 @@ _LINEAR_NOISE, _RATE_NOISE = 1, 2  # tell the random numbers apart
 class InertialSensors(Checked):
     """All parameters; its scalars are those of the FMU."""
 
-    seed: int = quantity("1", "Seed of noise and of the constant errors drawn from the spreads", at_least=0)
+    seed: int = quantity("1", "Seed of the noise and of the constant errors that the spreads describe", at_least=0)
     sample_time: float = quantity("s", "Time between samples; 0 = every step", at_least=0.0, display="ms")
     latency: float = quantity("s", "Pure delay of the readings", at_least=0.0, display="ms")
     accelerometer: AccelerometerKind = group()

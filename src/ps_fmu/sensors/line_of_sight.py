@@ -112,9 +112,11 @@ class Tracker(Checked):
     noise_equivalent_angle_P: Array = quantity(
         "rad", "Noise-equivalent angle: standard deviation of a sample about an axis of P", shape=(3,), display="urad"
     )
-    roll_measured: bool = quantity("", "The rotation about the boresight is measured, too; false: error.z stays 0")
+    roll_measured: bool = quantity(
+        "", "True: the rotation about the boresight is measured, too; false: line_of_sight_error.z stays 0"
+    )
     sample_time: float = quantity("s", "Time between samples", above=0.0)
-    latency: float = quantity("s", "From a sample to its output", at_least=0.0)
+    latency: float = quantity("s", "Time from a sample to its output", at_least=0.0)
     field_of_view: float = quantity("rad", "Full width of the field in which lock is kept", above=0.0, at_most=2.0)
     acquisition_field: float = quantity(
         "rad", "Full width of the field in which lock is acquired, at most field_of_view", above=0.0, at_most=2.0

@@ -106,17 +106,17 @@ class AccelerometerKind(SensorKind):
         "m/s2/sqrt(Hz)", "White noise, one-sided density; velocity random walk times sqrt(2)", at_least=0.0
     )
     bias_instability: float = quantity(
-        "m/s2", "Level B of flicker noise; the lowest Allan deviation is 0.664 of it", at_least=0.0
+        "m/s2", "Level B of flicker noise; the lowest Allan deviation is 0.664 B", at_least=0.0
     )
     random_walk: float = quantity("m/s2/sqrt(s)", "Acceleration random walk K", at_least=0.0)
-    range: float = quantity("m/s2", "Largest reading, either way; 0 = no limit", at_least=0.0)
-    resolution: float = quantity("m/s2", "Step of the quantised reading; 0 = none", at_least=0.0)
+    range: float = quantity("m/s2", "Largest magnitude of a reading; 0 = no limit", at_least=0.0)
+    resolution: float = quantity("m/s2", "Quantisation step of a reading; 0 = none", at_least=0.0)
     bias_spread: float = quantity("m/s2", "Standard deviation of the constant bias among sensors", at_least=0.0)
     scale_factor_spread: float = quantity(
-        "1", "Standard deviation of the scale factor's error", at_least=0.0, at_most=0.1
+        "1", "Standard deviation of the relative error of the scale factor among sensors", at_least=0.0, at_most=0.1
     )
     misalignment_spread: float = quantity(
-        "rad", "Standard deviation of the misalignment about each axis", at_least=0.0, at_most=0.05
+        "rad", "Standard deviation of the misalignment about each axis among sensors", at_least=0.0, at_most=0.05
     )
 
 
@@ -124,24 +124,26 @@ class AccelerometerKind(SensorKind):
 class RateSensorKind(SensorKind):
     """What the three rate sensors share, along x, y and z of B."""
 
-    enabled: bool = quantity("", "Three rate sensors; false: their readings and estimated_angular_velocity are 0")
+    enabled: bool = quantity(
+        "", "True: three rate sensors measure; false: their readings and estimated_angular_velocity are 0"
+    )
     bandwidth: float = quantity("Hz", "Frequency at which the gain is -3 dB; 0 = no limit", at_least=0.0)
     order: int = quantity("1", "Order of the low-pass: 1, or 2 (Butterworth)", at_least=1, at_most=2)
     noise_density: float = quantity(
         "rad/s/sqrt(Hz)", "White noise, one-sided density; angle random walk times sqrt(2)", at_least=0.0
     )
     bias_instability: float = quantity(
-        "rad/s", "Level B of flicker noise; the lowest Allan deviation is 0.664 of it", at_least=0.0
+        "rad/s", "Level B of flicker noise; the lowest Allan deviation is 0.664 B", at_least=0.0
     )
     random_walk: float = quantity("rad/s/sqrt(s)", "Rate random walk K", at_least=0.0)
-    range: float = quantity("rad/s", "Largest reading, either way; 0 = no limit", at_least=0.0)
-    resolution: float = quantity("rad/s", "Step of the quantised reading; 0 = none", at_least=0.0)
+    range: float = quantity("rad/s", "Largest magnitude of a reading; 0 = no limit", at_least=0.0)
+    resolution: float = quantity("rad/s", "Quantisation step of a reading; 0 = none", at_least=0.0)
     bias_spread: float = quantity("rad/s", "Standard deviation of the constant bias among sensors", at_least=0.0)
     scale_factor_spread: float = quantity(
-        "1", "Standard deviation of the scale factor's error", at_least=0.0, at_most=0.1
+        "1", "Standard deviation of the relative error of the scale factor among sensors", at_least=0.0, at_most=0.1
     )
     misalignment_spread: float = quantity(
-        "rad", "Standard deviation of the misalignment about each axis", at_least=0.0, at_most=0.05
+        "rad", "Standard deviation of the misalignment about each axis among sensors", at_least=0.0, at_most=0.05
     )
 
 
@@ -166,9 +168,9 @@ class OneSensor(Checked):
 class Accelerometer(OneSensor):
     """One accelerometer with a single axis."""
 
-    enabled: bool = quantity("", "Whether there is a sensor in this place")
-    position_B: Array = quantity("m", "Place, from the origin of B, in B", shape=(3,))
-    direction_B: Array = quantity("1", "Direction of its axis in B, of any length above 0", shape=(3,))
+    enabled: bool = quantity("", "True: there is a sensor at this position")
+    position_B: Array = quantity("m", "Position of the sensor from the origin of B, in B", shape=(3,))
+    direction_B: Array = quantity("1", "Direction of the sensitive axis, of any length above 0, in B", shape=(3,))
     bias: float = quantity("m/s2", "Constant error of the reading")
     scale_factor_error: float = quantity("1", "Relative error of the scale factor", at_least=-0.5, at_most=0.5)
     misalignment_B: Array = quantity("rad", "Small rotation of the true axis from the stated one, in B", shape=(3,))

@@ -5,14 +5,10 @@ from __future__ import annotations
 import json
 import math
 import shlex
-import textwrap
-from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import msgspec
-import numpy as np
 
 from ..files.plain import write_atomically
 from ..pointing.confidence import Statement
@@ -20,10 +16,10 @@ from ..requirements.requirement import read_requirements
 from ..requirements.verdict import Answer
 from ..results.page.cases import CaseColumn, CaseTable, Mark
 from ..results.page.content import Exploration
-from ..results.report import Picture, Report
-from ..results.style import ACTIVE, PASSIVE, draw, engineering, largest, pretty
+from ..results.report import Report
 from ..results.summary import FmuFile, plain, versions
-from ..results.tables import Table
+from ..results.tables import Table, wrap_text
+from .case_figures import SHARE, draw_all
 from .outcome import (
     CONFIDENCE,
     PROBABILITIES,
@@ -40,11 +36,7 @@ from .rows import SIGNALS, list_reasons, list_stored
 from .study import LATIN, LIST, MORRIS, SAMPLES, SOBOL, SOBOL_INDICES
 from .sweep import Prepared, SweepOptions
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-SHARE, EFFECT = "share of the variance that each explains by itself", "mean magnitude mu* of the elementary effects"
+EFFECT = "mean magnitude mu* of the elementary effects"
 WORST_SHOWN = 1000  # of a study that is too large for the page: these are there in any case
 MOST_METRICS = 60
 CAPTION = (
@@ -52,10 +44,6 @@ CAPTION = (
     "lines in the distribution are percentiles over all cases. The filter takes the number of a case, or a condition "
     "such as mass > 51 on a column of the table, in its unit."
 )
-MOST_SHOWN = 9  # outputs of a figure
-MOST_FACTORS = 12  # bars of an output
-COLUMNS = 3
-MARKED = "95 %"  # the percentile that is drawn
 SUMMARY, REPORT = "summary.json", "study.html"
 MOST_ROWS = 40  # of a table on the page; all are in summary.json
 STRONGEST = 5  # factors in a row of the ranking
@@ -71,8 +59,9 @@ def tabulate_cases(outcome: Outcome, command: tuple[str, str]) -> CaseTable | No
     if not shown:
         return None
     parameters = [
-        CaseColumn(factor.name, factor.unit, draws, [level for level in factor.levels if isinstance(level, str)])
+        CaseColumn(factor.name, unit, scale * draws, [level for level in factor.levels if isinstance(level, str)])
         for factor, draws in zip(outcome.plan.factors, outcome.plan.draws.T, strict=True)
+        for unit, scale in [factor.shown]
     ]
     metrics = [
         CaseColumn(
@@ -82,7 +71,7 @@ def tabulate_cases(outcome: Outcome, command: tuple[str, str]) -> CaseTable | No
         )
         for output in shown[:MOST_METRICS]
     ]  # fmt: skip
-    failed = {case: f"{status}: {_cut(error)}" for case, status, error in find_failed(outcome)}
+    failed = {case: f"{status}: {' '.join(error.split())}" for case, status, error in find_failed(outcome)}
     worst = [case for case, _, _ in find_worst(outcome, WORST_SHOWN)]
     measure = EFFECT if outcome.plan.study.plan == MORRIS else SHARE
     return CaseTable("Cases", CAPTION, parameters, metrics, measure, command, failed, worst)
@@ -98,18 +87,14 @@ def _rank_factors(outcome: Outcome, output: Output) -> tuple[list[float], list[s
     return [influence.strength(place) for place in places], texts, influence.describe_left(outcome.plan)
 
 
-def _cut(error: str) -> str:
-    """Its first line."""
-    return error.splitlines()[0] if error else ""
-
-
 def conclude(options: SweepOptions, prepared: Prepared, folder: Path) -> str:
     """Write ``study.parquet``, summary.json, figures and study.html; the text for the terminal.  Raises ``OSError``."""
     study = prepared.plan.study
     requirements = () if study.requirements is None else read_requirements(study.requirements)
     columns = list_columns(study, prepared.system)
     outcome = collect(folder, prepared.plan, prepared.identity.plan_sha256, columns, requirements)
-    about, tables = describe_study(outcome), make_tables(outcome, options)
+    about, tables = describe_study(outcome), make_tables(outcome)
+    again = f"To run case N again, with all signals and a report:\n  {'N'.join(split_command(options))}"
     notes = [*list_notes(outcome), *describe_signals(folder)]
     warnings = [*list_warnings(outcome), *prepared.system.warnings.texts]
     content = plain(summarise(outcome, prepared, options), "summary")
@@ -118,7 +103,7 @@ def conclude(options: SweepOptions, prepared: Prepared, folder: Path) -> str:
     headlines = len({one.output.name for one in outcome.percentiles} & {one.name for one in outcome.headlines})
     Report(
         title=study.name,
-        text=[about, *notes],
+        text=[about, *notes, again],
         warnings=warnings,
         tables=tables,
         explored=Exploration(cases=cases),
@@ -127,8 +112,9 @@ def conclude(options: SweepOptions, prepared: Prepared, folder: Path) -> str:
         fmus=[FmuFile(name, sha256) for name, sha256 in prepared.identity.fmus.items()],
         versions=versions(),
     ).write(folder / REPORT)
-    texts = [f"{table.caption}\n{table.to_text()}" for table in tables]
-    return "\n\n".join([about, *texts, *notes, *warnings, f"results in {folder}"])
+    texts = [f"{wrap_text(table.caption)}\n{table.to_text()}" for table in tables]
+    said = map(wrap_text, (*notes, *warnings))
+    return "\n\n".join([wrap_text(about), *texts, *said, again, f"results in {folder}"])
 
 
 def split_command(options: SweepOptions) -> tuple[str, str]:
@@ -213,12 +199,12 @@ def list_warnings(outcome: Outcome) -> list[str]:
     return ["\n  ".join([text, *list_reasons(failed)])] if failed else []
 
 
-def make_tables(outcome: Outcome, options: SweepOptions) -> list[Table]:
+def make_tables(outcome: Outcome) -> list[Table]:
     """The tables of terminal and page; empty ones are left out."""
     tables = [
         _tabulate_compliance(outcome),
-        _tabulate_worst(outcome, options),
-        _tabulate_failed(outcome, options),
+        _tabulate_worst(outcome),
+        _tabulate_failed(outcome),
         _tabulate_percentiles(outcome),
         _tabulate_ranking(outcome),
     ]
@@ -260,20 +246,17 @@ def _describe_pooled(one: Compliance) -> str:
     return f"{answer}: {stated.value:.4g} in the worst case; {share}, with {100.0 * stated.confidence:g} % confidence"
 
 
-def _tabulate_worst(outcome: Outcome, options: SweepOptions) -> Table:
-    rows = [
-        (str(case), f"{value:.4g} {output.unit}", output.title, command_of_case(options, case))
-        for case, value, output in find_worst(outcome)
-    ]
-    return Table("Worst cases", ("case", "value", "output", "run it again"), rows)
+def _tabulate_worst(outcome: Outcome) -> Table:
+    worst = find_worst(outcome)
+    rows = [(str(case), f"{value:.4g} {output.unit}", output.title) for case, value, output in worst]
+    return Table("Worst cases", ("case", "value", "output"), rows)
 
 
-def _tabulate_failed(outcome: Outcome, options: SweepOptions) -> Table:
-    rows = [
-        (str(case), status, _cut(error), command_of_case(options, case))
-        for case, status, error in find_failed(outcome)[:MOST_ROWS]
-    ]
-    return Table("Cases without a result", ("case", "status", "error", "run it again"), rows)
+def _tabulate_failed(outcome: Outcome) -> Table:
+    failed = find_failed(outcome)[:MOST_ROWS]
+    rows = [(str(case), status) for case, status, _ in failed]
+    reasons = [" ".join(error.split()) for *_, error in failed]
+    return Table("Cases without a result", ("case", "status"), rows, notes=reasons)
 
 
 def _tabulate_percentiles(outcome: Outcome) -> Table:
@@ -361,119 +344,22 @@ def describe_parameters(outcome: Outcome) -> dict[str, object]:
     """What the page says of the plan."""
     found: dict[str, object] = {}
     for factor in outcome.plan.factors:
-        spread = factor.spread
+        spread, (unit, scale) = factor.spread, factor.shown
         if spread is None:
-            text = ", ".join(map(str, factor.levels[:10])) + (" ..." if len(factor.levels) > 10 else "")
-        elif spread.sigma:
-            text = f"normal, mean {spread.mean:g}, sigma {spread.sigma:g}"
-            if math.isfinite(spread.low) or math.isfinite(spread.high):
-                text += f", from {spread.low:g} to {spread.high:g}"
+            shown = [f"{scale * x:.9g}" if isinstance(x, float) else str(x) for x in factor.levels[:10]]
+            text = ", ".join(shown) + (" ..." if len(factor.levels) > 10 else "")
         else:
-            text = f"uniform, from {spread.low:g} to {spread.high:g}"
-        found[factor.name] = f"{text} {factor.unit}; sets {', '.join(factor.targets)}"
+            text = f"from {scale * spread.low:g} to {scale * spread.high:g}"
+            if spread.sigma:
+                limits = f", {text}" if math.isfinite(spread.low) or math.isfinite(spread.high) else ""
+                text = f"normal, mean {scale * spread.mean:g}, sigma {scale * spread.sigma:g}{limits}"
+            else:
+                text = f"uniform, {text}"
+            if spread.multiple_of:
+                text += f", multiples of {scale * spread.multiple_of:g}"
+        found[factor.name] = f"{text} {unit}; sets {', '.join(factor.targets)}"
     return found
 
 
 def _is_bounded(stated: Statement) -> bool:
     return math.isfinite(stated.lower) and math.isfinite(stated.upper)
-
-
-def draw_all(table: CaseTable, headlines: int, folder: Path) -> list[Picture]:
-    """Draw all figures into a folder; the pictures with their captions.  Raises ``OSError``.
-
-    ``headlines``: so many of the metrics, from the first one on, are shown.
-    """
-    shown = table.metrics[: min(headlines, MOST_SHOWN)]
-    ranked = [metric for metric in shown if np.isfinite(metric.ranking).any()]
-    pictures = []
-    if len(table) > 1:
-        path = folder / "distribution.png"
-        _draw_grid(path, shown, 3.1, _draw_distribution)
-        caption = f"Values of all cases. Blue: {MARKED} percentile; orange: limit of the requirement."
-        pictures.append(Picture(path, caption))
-    if ranked:
-        path, names = folder / "sensitivity.png", [parameter.title for parameter in table.parameters]
-        height = 1.5 + 0.32 * min(MOST_FACTORS, len(names))
-        _draw_grid(path, ranked, height, lambda axes, metric: _draw_ranking(axes, metric, names, table.measure))
-        pictures.append(Picture(path, f"What the outputs depend on: {table.measure}."))
-        if len(names) > 1:
-            path = folder / "scatter.png"
-            _draw_scatter(path, table, ranked[0])
-            caption = f"All cases over the two parameters that {ranked[0].title} depends on most."
-            pictures.append(Picture(path, caption))
-    return pictures
-
-
-def _draw_grid(
-    path: Path, metrics: Sequence[CaseColumn], height: float, paint: Callable[[Axes, CaseColumn], None]
-) -> None:
-    columns = min(COLUMNS, len(metrics))
-    rows = -(-len(metrics) // columns)
-
-    def paint_all(figure: Figure) -> None:
-        grid = figure.subplots(rows, columns, squeeze=False).ravel()
-        for axes, metric in zip(grid, metrics, strict=False):
-            paint(axes, metric)
-            axes.set_title(_wrap(metric.title), fontsize=10)
-        for axes in grid[len(metrics) :]:
-            axes.set_axis_off()
-
-    draw(path, 4.8 * columns, 0.4 + height * rows, paint_all)
-
-
-def _draw_distribution(axes: Axes, metric: CaseColumn) -> None:
-    """A histogram with a percentile and the limit."""
-    values = metric.values[np.isfinite(metric.values)]
-    factor, unit = engineering(metric.unit, largest((values,)))
-    axes.hist(factor * values, bins=min(60, max(5, round(2.0 * len(values) ** (1 / 3)))), color="#BBBBBB")
-    for mark in metric.marks:
-        if mark.label == MARKED:
-            axes.axvline(factor * mark.value, color=ACTIVE)
-    if metric.limit is not None:
-        axes.axvline(factor * metric.limit, color=PASSIVE)
-    axes.set_xlabel(unit or "1")
-    axes.set_ylabel("cases")
-
-
-def _draw_ranking(axes: Axes, metric: CaseColumn, names: Sequence[str], measure: str) -> None:
-    """Bars of each parameter, the strongest on top."""
-    order = [place for place in _order(metric) if np.isfinite(metric.ranking[place])][:MOST_FACTORS][::-1]
-    axes.barh(range(len(order)), np.asarray(metric.ranking)[order], color=ACTIVE)
-    axes.set_yticks(range(len(order)), [_wrap(names[place], 22) for place in order], fontsize=10)
-    if measure == SHARE:
-        axes.set_xlim(0.0, 1.0)
-    axes.set_xlabel(_wrap(measure))
-
-
-def _draw_scatter(path: Path, table: CaseTable, metric: CaseColumn) -> None:
-    """All cases over the two strongest parameters, coloured by the metric."""
-    x, y = (table.parameters[place] for place in _order(metric)[:2])
-    there = np.isfinite(metric.values)
-    factor, unit = engineering(metric.unit, largest((metric.values,)))
-
-    def paint(figure: Figure) -> None:
-        axes = figure.subplots()
-        size = 36.0 if there.sum() < 500 else 9.0
-        shown = axes.scatter(x.values[there], y.values[there], c=factor * metric.values[there], s=size, cmap="viridis")
-        if not there.all():
-            axes.scatter(x.values[~there], y.values[~there], color=PASSIVE, marker="x", label="no result")
-            axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0))
-        axes.set_xlabel(f"{x.title} ({pretty(x.unit) or '1'})")
-        axes.set_ylabel(f"{y.title} ({pretty(y.unit) or '1'})")
-        bar = figure.colorbar(shown, ax=axes)
-        bar.set_label(f"{metric.title} ({unit or '1'})", fontsize=11)
-        if metric.limit is not None:
-            bar.ax.axhline(factor * metric.limit, color=PASSIVE)
-
-    draw(path, 9.0, 6.0, paint)
-
-
-def _order(metric: CaseColumn) -> list[int]:
-    """Places of the parameters, the strongest first."""
-    strength = np.nan_to_num(np.abs(np.asarray(metric.ranking, dtype=float)))
-    return [int(place) for place in strength.argsort()[::-1]]
-
-
-def _wrap(text: str, width: int = 38) -> str:
-    """Lines of at most ``width`` characters; dots are places to break, too."""
-    return "\n".join(line.replace(". ", ".") for line in textwrap.wrap(text.replace(".", ". "), width))

@@ -9,7 +9,6 @@ import re
 import shutil
 import sqlite3
 import tempfile
-import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from itertools import islice
@@ -35,7 +34,7 @@ ANSWER = "/answer"
 HISTOGRAM = "/histogram"
 """End of the name of a column with the histogram of a run, for a requirement that is judged over all cases."""
 LONGEST_TEXT = 2000  # of an error or of warnings
-LONGEST_REASON, MOST_REASONS = 400, 3  # that a terminal gets to see
+MOST_REASONS = 3  # that a terminal gets to see
 
 FILE = "rows.sqlite"  # in the output folder
 SIGNALS = "signals"  # a folder there
@@ -151,7 +150,7 @@ def list_reasons(failed: Iterable[tuple[int, str, str]]) -> list[str]:
         cases.setdefault((status, _VARYING.sub("", text)), []).append((case, text))
     common = sorted(cases.items(), key=lambda item: -len(item[1]))
     lines = [
-        f"{len(found)} {status}, as case {found[0][0]}: {textwrap.shorten(found[0][1], LONGEST_REASON)}"
+        f"{len(found)} {status}, as case {found[0][0]}: {found[0][1]}"
         for (status, _), found in common[:MOST_REASONS]
     ]
     left = sum(len(found) for _, found in common[MOST_REASONS:])

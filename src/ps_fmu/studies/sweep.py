@@ -15,7 +15,7 @@ from pathlib import Path
 from ..cosim.faults.numbers import change_numbers
 from ..requirements.requirement import read_requirements
 from ..results.style import prepare_drawing
-from ..results.tables import Table
+from ..results.tables import Table, format_tables
 from ..runs.built_fmus import choose_fmus, provide_fmus
 from ..runs.cases import Case, run_case
 from ..runs.options import RESULTS, claim_folder
@@ -352,7 +352,7 @@ def _run(options: SweepOptions, prepared: Prepared, case: int, folder: Path) -> 
         more={"study": study.name, "plan_sha256": prepared.identity.plan_sha256, "case": case, "values": values,
               "row": row},
     )  # fmt: skip
-    said = [f"{table.caption}\n{table.to_text()}" for table in tables]
+    said = [format_tables(tables)]
     publish(run_options, replace(system, structure=system.structure.with_parameters(starts)), findings, said.append)
     return row, "\n".join(said)
 

@@ -31,6 +31,7 @@ class VerdictRow:
     margin: str  # for example "23 %"
     confidence: str  # for example "95 %"
     answer: str  # "met", "not met"; any other word: the run does not tell
+    remark: str = ""  # below the row: why it cannot be said, what to do
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,6 +135,8 @@ class ChartGroup:
     marked: Sequence[tuple[str, float]] = ()
     """Places of the axis with a line across: the legend's text, and where."""
     stills: Sequence[Still] = ()
+    alone: str = ""
+    """Label of a curve that has a second chart beside each, with a scale of its own."""
 
     def __post_init__(self) -> None:
         for chart in self.charts:
@@ -145,6 +148,8 @@ class ChartGroup:
     @property
     def columns(self) -> int:
         """How many charts stand beside one another: three where there are several rows of these."""
+        if self.alone:
+            return 2
         return 3 if len(self.charts) > 3 and len(self.charts) % 3 == 0 else 1
 
     def pack(self) -> Entry:

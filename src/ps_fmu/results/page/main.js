@@ -11,7 +11,14 @@ function makeGroup(packed, section, key) {
   Object.assign(link, { columns: packed.columns, shaded: packed.shaded, marked: packed.marked });
   grid.style.setProperty("--columns", link.columns);
   grid.classList.toggle("narrow", link.columns > 1);
-  link.views = packed.charts.map((chart) => {
+  // A small curve is flat beside a large one: a chart of its own has its own scale.
+  const alone = (chart) => ({
+    ...chart,
+    title: `${chart.title}, ${packed.alone} alone`,
+    curves: chart.curves.filter(({ label }) => label === packed.alone),
+  });
+  const charts = packed.charts.flatMap((chart) => (packed.alone ? [chart, alone(chart)] : [chart]));
+  link.views = charts.map((chart) => {
     const element = make("div", { class: "chart", tabindex: "0" });
     grid.append(element);
     listenToKeys(element, link);

@@ -45,7 +45,6 @@ MARKERS = dict(zip(CLASSES, "osD^", strict=True))
 MICRO = 1e6  # urad in a rad
 
 
-
 def analyse(
     options: AnalysisOptions,
     duration: float = DURATION,
@@ -245,7 +244,9 @@ def paint_choice(figure: Figure, trade: Trade, points: Sequence[Point]) -> None:
             (density[top], of_corners[top, curves[0]] * MICRO), fontsize=11, color="#2F6F95", ha="right",
             rotation=55,
         )  # fmt: skip
-    axes.plot([], [], color="#A9C9DE", lw=0.9, label="no loop, high-pass as written (curves: white noise)")
+    axes.plot(
+        [], [], color="#A9C9DE", lw=0.9, label="no loop, high-pass at the written frequency (curves: white noise)"
+    )
     for crossover, sweep in trade.white.items():
         label = "no loop" if crossover is None else f"loop with crossover at {crossover:g} Hz"
         axes.loglog(

@@ -15,7 +15,7 @@ from ....mechanism.parameters import Array
 from ....results.page.content import Axis, Chart, ChartGroup, Curve, Exploration
 from ....results.report import Picture
 from ....results.style import ACTIVE, AXES, PASSIVE, REFERENCE
-from ....results.tables import Table
+from ....results.tables import Table, format_tables
 from ....runs.publish import Findings
 from ....runs.run import Run
 from ....runs.scenario import SCENARIOS, Scenario
@@ -58,7 +58,7 @@ def find(run: Run) -> Findings:
     text = [*refused, HOW, algorithm_1_text(results)]
     return Findings(
         title="Trajectories: Fig 7",
-        printed="\n".join([table.to_text(), *text]),
+        printed=format_tables([table], text),
         text=text,
         tables=[table],
         outcomes=[result.outcome for result in results],

@@ -11,7 +11,7 @@ from tqdm import tqdm
 from ....analyses.result import AnalysisResult, Finding, paint_pictures, tabulate
 from ....analyses.table import AnalysisOptions
 from ....results.figures import draw_exploration
-from ....results.tables import Table, format_number
+from ....results.tables import Table, format_number, format_tables
 from ....runs.options import OptionError
 from ....runs.publish import Findings
 from ....runs.run import Run
@@ -61,7 +61,7 @@ def find(run: Run) -> Findings:
     text = [HOW, *verdict(responses), *_unpredicted_text(system)]
     return Findings(
         title="Stability of the internal loop: time response",
-        printed="\n".join([table.to_text(), *text[1:]]),
+        printed=format_tables([table], text[1:]),
         text=text,
         tables=[table],
         outcomes=[r.outcome for r in responses],

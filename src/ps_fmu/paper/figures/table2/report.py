@@ -15,7 +15,7 @@ from ....interface.start_values import list_departures
 from ....mechanism.parameters import Array, load
 from ....results.figures import draw_table
 from ....results.report import Picture
-from ....results.tables import Table, format_angles, format_number
+from ....results.tables import Table, format_angles, format_number, format_tables
 from ....runs.publish import Findings
 from ....runs.run import Run
 from ....runs.scenario import SCENARIOS, Scenario
@@ -58,7 +58,7 @@ def find(run: Run) -> Findings:
     nominal = found[runs.NOMINAL]
     return Findings(
         title="Table 2: four orientations, passive and active",
-        printed="\n".join([table.to_text(), *text[1:]]),
+        printed=format_tables([table], text[1:]),
         text=text,
         tables=[table],
         outcomes=[outcome for comparison in found.values() for outcome in comparison.outcomes],
