@@ -3,6 +3,7 @@
 import json
 import re
 import shutil
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -87,6 +88,13 @@ def test_the_same_fmu_gives_the_same_bits(built_fmus, tmp_path):
     )
     for case in ("passive", "active"):
         assert np.array_equal(np.asarray(other[case]["payload_rotation"]), np.asarray(ours[case]["payload_rotation"]))
+
+
+def test_the_text_of_the_script_is_the_documentation(isolator):
+    with zipfile.ZipFile(isolator) as archive:
+        page = archive.read("documentation/index.html").decode()
+    assert "<p>A gyroscope on the payload measures the rotation." in page
+    assert "<td>crossover</td>" in page
 
 
 def test_what_does_not_fit_is_said(isolator, capsys):
