@@ -94,7 +94,7 @@ def test_the_text_of_the_script_is_the_documentation(isolator):
     with zipfile.ZipFile(isolator) as archive:
         page = archive.read("documentation/index.html").decode()
     assert "<p>A gyroscope on the payload measures the rotation." in page
-    assert "<td>crossover</td>" in page
+    assert "<td><code>crossover</code></td>" in page
 
 
 def test_what_does_not_fit_is_said(isolator, capsys):
@@ -198,7 +198,7 @@ def test_fmus_of_ps_fmu_are_found_for_any_description(built_fmus, tmp_path):
 def test_passive_is_without_any_loop(tmp_path):
     """The plant then moves as in the system that has no line-of-sight loop at all."""
     with_loop, without = (
-        ps_fmu.simulate("isolation", system=f"{name}.ssd", cases=("passive",), **SHORT)
+        ps_fmu.simulate("isolation", system=f"{name}.ssd", cases=("passive",), **{**SHORT, "duration": 3.0})
         for name in ("LineOfSight", "InertialSensors")
     )
     assert np.array_equal(
