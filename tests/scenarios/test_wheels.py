@@ -319,7 +319,7 @@ def test_the_scenario(make_options, ssv, capsys):
     options = make_options("wheels", 6.0, step_s=2e-4, seed=2, figures=True, parameters=(given,))
     summary = run(options)
     assert summary["warnings"] == []
-    text = capsys.readouterr().out
+    text = " ".join(capsys.readouterr().out.split())
     for case in ("passive", "active"):
         worst, largest = summary["worst_crossing"][case], summary["largest_rotation"][case]
         assert worst["wheel"] == "wheel_1" and worst["mode"].startswith("fine legs")

@@ -321,7 +321,7 @@ def test_a_quiet_system_has_a_sentence_of_its_own(systems, tmp_path):
             {"disturbance.wheel_1.enabled": True, "disturbance.wheel_1.speed_profile": "speed.csv"},
             r"wheel_1: its speed comes from speed\.csv; a budget needs a constant one",
         ),
-        ({"isolator.sample_time": 1e-3}, r"isolator\.sample_time: there is no closed form"),
+        ({"isolator.sample_time": 1e-3}, r"isolator\.sample_time: the linear model does not include"),
         ({"isolator.delay": 1.0}, "expected at most 40 steps"),
         ({"plant.payload.mass": -1.0}, r"plant\.payload\.mass: must be greater than 0"),
     ],
@@ -356,13 +356,13 @@ def test_a_recording_of_a_few_steps_is_refused(systems, tmp_path):
 def test_other_components_are_refused(systems, tmp_path):
     system = systems["SystemStructure"]
     components = system.components[:1] + system.components[2:]
-    with pytest.raises(LinearModelError, match="the closed form needs the FMU PointingCommander"):
+    with pytest.raises(LinearModelError, match="the linear model needs the FMU PointingCommander"):
         read_model(replace(system, components=components))
     second = replace(system.components[0], name="second")
-    with pytest.raises(LinearModelError, match="the closed form is of one DisturbanceSource, there are 2"):
+    with pytest.raises(LinearModelError, match="the linear model includes one DisturbanceSource, and the system has 2"):
         read_model(replace(system, components=(*system.components, second)))
     other = replace(system.components[0], source=tmp_path / "Pump.fmu")
-    with pytest.raises(LinearModelError, match="disturbance: there is no closed form of the FMU Pump"):
+    with pytest.raises(LinearModelError, match="disturbance: the linear model does not include the FMU Pump"):
         read_model(replace(system, components=(other, *system.components[1:])))
 
 
