@@ -379,7 +379,7 @@ def test_single_cases_of_a_session(session):
     assert "plant.payload_rotation.x (rad)" in repr(one) and "<td>active</td>" in one._repr_html_()
     with pytest.raises(OptionError, match="cases: there is no 'activ'; did you mean active"):
         session.run(cases=["activ"])
-    with pytest.raises(OptionError, match="cases: the scenario table2 needs all of its cases"):
+    with pytest.raises(OptionError, match="cases: the scenario table2 always runs all of its cases"):
         simulate("table2", cases=["a"], **SHORT)
 
 
