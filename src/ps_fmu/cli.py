@@ -222,8 +222,8 @@ def _add_check(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         "check",
         help="check FMU files of any maker",
         description="Check archive, model description and behaviour of FMUs.  The command loads the library of each "
-        "FMU and runs its code with your rights.  With --no-run it only reads the files.  The exit code is 1 if a check "
-        "FAILED; a warning is no failure.",
+        "FMU and runs its code with your rights.  With --no-run it only reads the files.  The exit code is 1 if a "
+        "check FAILED; a warning is no failure.",
     )
     check.add_argument("--no-run", action="store_true", help="check archive and model description only; run no code")
     check.add_argument("fmus", type=Path, nargs="+", metavar="FMU")
