@@ -119,7 +119,7 @@ class Reserve(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class SystemModel:
-    """The components of a system with their start values, as the physics knows them."""
+    """The components of a system with their start values, as objects of the physics."""
 
     system: System
     components: Mapping[str, str]  # name in the system by the name of the FMU
@@ -134,7 +134,7 @@ class SystemModel:
 
     @property
     def name(self) -> str:
-        """Of the file of its description."""
+        """Name of the system file."""
         return self.system.path.stem
 
     @cached_property
@@ -143,7 +143,7 @@ class SystemModel:
         return read_disturbance(self.system, self.components[SOURCE])
 
     def without_pointing(self) -> SystemModel:
-        """The same with the line-of-sight loop off."""
+        """The same system with the line-of-sight loop off."""
         return replace(self, tracker=None, pointing=None)
 
     @property
@@ -157,13 +157,13 @@ class SystemModel:
         ]
 
     def component(self, fmu: str) -> str:
-        """Name of the component that an FMU of this name is."""
+        """Return the name of the component that is an FMU of this model."""
         return self.components[fmu]
 
 
 @dataclass(frozen=True, eq=False)
 class Circuit:
-    """The wired model with the isolator on or off, with the inputs that sources act on."""
+    """The connected linear model with the isolator on or off, and the inputs of the sources."""
 
     model: SystemModel
     active: bool
@@ -209,13 +209,13 @@ class Circuit:
 
     @cached_property
     def poles(self) -> Complex:
-        """(n,), rad/s, a line-of-sight loop open."""
+        """Poles (n,), rad/s, with the line-of-sight loop open."""
         found = self._connect([], []).poles
         return np.asarray(found[np.isfinite(found)])
 
     @cached_property
     def unstable(self) -> Complex:
-        """Poles in the right half-plane, loops closed, rad/s, the one farthest to the right first."""
+        """Poles in the right half-plane with all loops closed, rad/s, by descending real part."""
         if self.closed or self.has_long_delay:
             return find_unstable(self.characteristic, self.frequencies)
         return find_growing(self.poles)
@@ -264,13 +264,13 @@ class Circuit:
 
     @property
     def loops(self) -> tuple[str, ...]:
-        """FMUs whose forces close a loop."""
+        """Names of the FMUs whose forces close a loop."""
         return (*([ISOLATOR] if self.active else []), *([POINTING] if self.closed else []))
 
     def open_loops(self, s: Complex) -> Complex:
-        """M (n, k, k), k = 3 for each of :attr:`loops`, critical point +1, at complex frequencies (n,), rad/s.
+        """Return M (n, k, k) at complex frequencies (n,), rad/s; k = 3 for each of :attr:`loops`, critical point +1.
 
-        The isolator is cut at its forces, the line-of-sight loop at the errors that the tracker sees.
+        The isolator is cut at its forces, the line-of-sight loop at the errors that the tracker measures.
         """
         m, opened = self.model, self._opened
         point: Complex = np.asarray(np.expm1(s * m.step) / m.step)
@@ -376,10 +376,10 @@ class Circuit:
         return np.asarray(found[np.isfinite(found)])
 
     def respond(self, frequency: Array, signals: Sequence[str], sources: Sequence[str]) -> Complex:
-        """(n, signals, channels), from the channels of some sources (FMUs, in the order of :attr:`channels`).
+        """Return the response (n, signals, channels) to the channels of some sources, in the order of :attr:`channels`.
 
-        To outputs of the plant, at frequencies (n,), Hz.  Raises :class:`..theory.stability.UnstableError`: an unstable
-        loop has no response.
+        Signals are outputs of the plant, sources are FMUs; frequencies (n,), Hz.  Raises
+        :class:`..theory.stability.UnstableError` for an unstable loop.
         """
         self.require_stable()
         sources = [fmu for fmu in self.channels if fmu in sources]
@@ -410,10 +410,10 @@ class Circuit:
 
 
 def read_model(system: System, step: float | None = None) -> SystemModel:
-    """The model of a system, with its start values; those that it does not give are those of the FMUs.
+    """Read the linear model of a system with its start values; the FMUs give the values that the system does not set.
 
-    ``step``: s; None: that of the system.  Raises :class:`LinearModelError` for a component that the closed form does
-    not know, and ``ParameterError`` for an impossible value.
+    ``step``: communication step, s; None: the step of the system.  Raises :class:`LinearModelError` for a component
+    without a closed form, and ``ParameterError`` for an impossible value.
     """
     components = {component.source.stem: component.name for component in system.components}
     for fmu in components:

@@ -28,11 +28,11 @@ class ResultsError(OSError):
 
 
 def judge_files(paths: Sequence[Path], requirements: Sequence[Requirement]) -> list[Verdict]:
-    """The verdicts on stored runs; several files are independent members of one ensemble, case by case.
+    """Judge stored runs, and return the verdicts; several files are independent members of one ensemble, case by case.
 
-    The signals have the bandwidth of the stored rows, which ``rows`` of each verdict states; so it does of a run that
-    was interrupted.  Raises :class:`.requirement.RequirementError` for a requirement that does not fit the rows,
-    :class:`ResultsError` for a file that cannot be read or holds no run, and for one that is given twice.
+    ``rows`` of each verdict states the bandwidth of the stored rows, and the end of an interrupted run.  Raises
+    :class:`.requirement.RequirementError` for a requirement that does not fit the rows, :class:`ResultsError` for a
+    file that cannot be read, contains no run, or is given twice.
     """
     import netCDF4
 

@@ -44,7 +44,7 @@ SUFFIXES = (".ssp", ".ssd", ".xml", ".fmu")
 
 
 class OptionError(ValueError):
-    """An option that cannot be used; the text starts with its name as on the command line."""
+    """An option cannot be used; the message begins with its name on the command line."""
 
 
 @dataclass(frozen=True)
