@@ -92,7 +92,7 @@ def _describe_margins(axes: Sequence[AxisMargins], common: CommonMargins) -> str
     return (
         f"Least margins in closed form. One axis changed: {gain:.1f} dB and {phase:.0f} deg. All axes changed alike: "
         f"{common.gain_db:.1f} dB and {common.phase_deg:.0f} deg; the loop becomes unstable at {common.gain_hz:.3g} Hz "
-        f"when the gain of all axes {way} by this much, and {delay}. Each axis changed by itself, all at the same time: "
+        f"when the gain of all axes {way} by this much, and {delay}. Each axis changed by itself, all at once: "
         f"{common.disk_gain_db:.1f} dB and {common.disk_phase_deg:.0f} deg (disk margin). The required "
         f"{LEAST_GAIN_DB:g} dB and {LEAST_PHASE_DEG:g} deg, for one axis and for all alike, are {kept}."
     )
@@ -108,8 +108,8 @@ def _describe_run(pointing: Pointing) -> list[str]:
     late = off.span(*_after(off))
     left = float(np.sqrt(np.mean(off.distance[late] ** 2)))
     said.append(
-        f"Without the loop the line of sight is then {left:.3g} rad RMS ({np.degrees(left):.2g} deg) off the target: the "
-        "isolator does not measure motion below its high-pass frequency, such as the turn of the bus by the slew."
+        f"Without the loop the line of sight is then {left:.3g} rad RMS ({np.degrees(left):.2g} deg) off the target: "
+        "the isolator does not measure motion below its high-pass frequency, such as the turn of the bus by the slew."
     )
     if not on.locks:
         return [*said, "The tracker did not lock: the error stayed outside its acquisition field."]
