@@ -60,8 +60,8 @@ WHEEL = {"disturbance.wheel_1.enabled": True}
 HOW = (
     "The isolator holds the payload by its accelerometers above the crossover frequency, and the line-of-sight loop "
     "holds it below. The tracker gets the target's attitude in inertial space; the commander gets the roll, pitch and "
-    "yaw that lead there from the initial attitude of the base. While the target is hidden, or out of the tracker's field, the "
-    "loop keeps its last force."
+    "yaw that lead there from the initial attitude of the base. While the target is hidden, or out of the tracker's "
+    "field, the loop keeps its last force."
 )
 
 
