@@ -36,14 +36,14 @@ if TYPE_CHECKING:
 
 
 class Result:
-    """What a run found, or left in its output folder: ``ps_fmu.Result("results/isolation")`` after ``ps-fmu run``.
+    """Results of a run: of :func:`simulate`, or of an output folder, ``ps_fmu.Result("results/isolation")``.
 
-    Each case of the scenario is an attribute, an ``xarray.Dataset``: ``result.passive["payload_rotation"]``.  It is
-    made when it is first asked for, and then kept.
+    Each case of the scenario is an attribute, an ``xarray.Dataset``: ``result.passive["payload_rotation"]``.  The
+    dataset is made at the first access and kept.
 
     Attributes
     ----------
-    output: folder with results.nc, summary.json, report.html and the figures; None: nothing is written so far.
+    output: folder with results.nc, summary.json, report.html and the figures; None if nothing is written.
     """
 
     def __init__(
@@ -145,13 +145,16 @@ class Result:
         return {case: state.as_dict() for case, state in states.items()}
 
     def report(self, folder: str | PathLike[str] | None = None, *, figures: bool = True) -> Path:
-        """Write what ``ps-fmu run`` writes into a folder; the path of the report, an HTML file that needs nothing else.
+        """Write results and report into a folder, and return the path of the report, a single HTML file.
 
-        ``folder``: by default one for temporary files, which goes with the result; results that are in a folder already
-        have their report there.  ``figures``: draw PNG files, too.
+        Parameters
+        ----------
+        folder: by default a temporary folder, which is deleted with this object, or the folder of the results if they
+            are in a folder already.
+        figures: True: PNG files are drawn, too.
 
-        Raises ``FileNotFoundError`` if there is none, as of a run that was interrupted, ``OSError`` if it cannot be
-        written, :class:`OptionError` for a folder that cannot be used.
+        Raises ``FileNotFoundError`` if an interrupted run left no report, ``OSError`` if the report cannot be written,
+        :class:`OptionError` if the folder cannot be used.
         """
         if self._found is None:
             path = self._path / REPORT
@@ -185,9 +188,10 @@ class Result:
         publish(options, run.system, findings, lambda _text: None)
 
     def plot(self, name: str = "payload_rotation", cases: Sequence[str] | None = None) -> ShownFigure:
-        """Draw a variable of some cases, by default of all that have it, over time, a row per component.
+        """Draw a variable over time, with a row per component.
 
-        Returns a matplotlib Figure, which notebooks show.  Raises KeyError if none of the cases has the variable.
+        By default all cases with the variable are drawn.  Returns a matplotlib Figure, which notebooks show.  Raises
+        KeyError if no case contains the variable.
         """
         from .results.history_plot import plot_histories
 
@@ -196,22 +200,23 @@ class Result:
     def indices(
         self, *indices: PointingIndex, name: str = "payload_rotation", cases: Sequence[str] | None = None
     ) -> DataArray:
-        """RMS of pointing error indices of a variable, from the stored rows, by case, index and component.
+        """Compute the RMS of pointing error indices of a variable from the stored rows, by case, index and component.
 
         >>> from ps_fmu.pointing import DriftError, RelativeError
         >>> result.indices(RelativeError(0.1, "end"), DriftError(1.0, 5.0)).sel(axis="x")  # doctest: +SKIP
 
         Parameters
         ----------
-        indices: of :mod:`ps_fmu.pointing`; by default APE, and over 1 s MPE, RPE with t uniform, and residual jitter.
-        name: a variable of the datasets; a vector has a value for each component.
-        cases: by default all that have the variable.
+        indices: indices of :mod:`ps_fmu.pointing`; by default APE, and MPE, RPE (t uniform) and residual jitter over 1
+            s.
+        name: a variable of the datasets; a vector gives a value for each component.
+        cases: names of cases; by default all cases with the variable.
 
-        The rows have the bandwidth of the storage step; ``summary["indices"]`` has APE, MPE, RPE and PDE from every
-        step, with peaks, quantiles and their confidence.
+        The storage step limits the bandwidth of the rows.  ``summary["indices"]`` contains APE, MPE, RPE and PDE from
+        every communication step, with peaks, quantiles and their confidence.
 
-        Raises ``KeyError`` for a variable or a case that is not there, ``ValueError`` for an index that the run is too
-        short for, or whose times are no whole number of storage steps.
+        Raises ``KeyError`` for a variable or a case that does not exist, ``ValueError`` if the run is shorter than a
+        window, or if times of an index are no whole number of storage steps.
         """
         from .results.datasets import USUAL, tabulate_indices
 
@@ -242,4 +247,4 @@ def write_values(path: Path, values: Mapping[str, Value], resume: bool) -> None:
     if not resume:
         write_atomically(path, content)
     elif not path.is_file() or path.read_bytes() != content:
-        raise OptionError(f"parameters: the run in {path.parent} was begun with others: give those, or run it anew")
+        raise OptionError(f"parameters: the run in {path.parent} began with others: give those, or start the run again")

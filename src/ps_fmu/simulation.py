@@ -28,43 +28,44 @@ def simulate(
     resume: bool = False,
     **options: Unpack[GivenOptions],
 ) -> Result:
-    """Run a scenario; its results, whether they meet requirements or not.
+    """Run a scenario or a system, and return its results.
 
     >>> import ps_fmu
     >>> result = ps_fmu.simulate("isolation", duration=20, parameters={"plant.payload.mass": 60.0})  # doctest: +SKIP
     >>> result.passive["payload_rotation"].sel(axis="x").std()  # doctest: +SKIP
 
-    The rows are in memory, and nothing is written or drawn: :meth:`Result.report` does that.  To run a scenario many
-    times, with other parameters each time, take a :class:`Session`.  Threads may simulate at the same time.
+    The rows stay in memory.  :meth:`Result.report` writes files and draws figures.  A requirement that is not met
+    raises nothing.  A :class:`Session` runs a scenario many times with other parameters.  Threads may simulate at the
+    same time.
 
     Parameters
     ----------
-    scenario: one of those that ``ps-fmu run --help`` lists, or any system: an ``.ssp``, ``.ssd``, ``.xml`` or ``.fmu``.
-    parameters: start values by ``component.parameter``, in the units of ``ps-fmu list``; stronger than
+    scenario: a scenario that ``ps-fmu run --help`` lists, or any system: an ``.ssp``, ``.ssd``, ``.xml`` or ``.fmu``.
+    parameters: start values by ``component.parameter``, in the units of ``ps-fmu list``; they override
         ``parameter_files`` and ``instrument``.
-    seed: of the disturbance, 1 by default.
-    cases: names of those to run, by default all; of scenarios that compare two cases.
-    output: folder to write into, as ``ps-fmu run`` does but for figures, while the run goes on: for long runs.
-    checkpoint: keep the state each so many seconds of simulation, and at the end, in the folder ``checkpoint`` of
-        ``output``; one waits where they would take more than 2 % of the time.
-    resume: go on with the run in ``output`` from its last checkpoint; with the arguments that it was begun with.
-    source: begin in the state of a checkpoint, or of a run by the folder of its results.
-    anew: FMUs that begin anew then, without their state, and so with other fixed parameters.
-    duration, step, storage_step: seconds to simulate, of a communication step, between stored rows; by default those of
-        the scenario.
+    seed: seed of the disturbance, 1 by default.
+    cases: names of the cases to run, by default all; for scenarios that compare two cases.
+    output: folder for the results, which are written during the run, as by ``ps-fmu run --no-figures``; for long runs.
+    checkpoint: simulated time between two checkpoints, s.  They are written into the folder ``checkpoint`` of
+        ``output``; a checkpoint is skipped if checkpoints would take more than 2 % of the time.
+    resume: continue the run in ``output`` from its last checkpoint; all other arguments must be the same.
+    source: a checkpoint, or the folder of a run that has checkpoints; the run begins in its state.
+    anew: components that begin in their initial state then, so that their fixed parameters may differ.
+    duration, step, storage_step: simulated time, communication step and time between stored rows, s; by default the
+        values of the scenario.
     instrument: the TOML file of your instrument, see docs/instrument.md; all FMUs start with its values.
-    parameter_files: ``.ssv`` files, own ones or those of ps_fmu by their names; later ones win.
-    apart: beginnings of names of parameters that differ from the plant's on purpose: no warning.
-    disturbance: recorded force and torque on the bus, a CSV or netCDF file, in place of the noise.
-    system: another system than that of the scenario: an ``.ssd`` file, own or of ps_fmu, or an ``.ssp`` archive, which
-        has its FMUs in it.
+    parameter_files: ``.ssv`` files: paths, or names of files of ps_fmu; later files override earlier ones.
+    apart: beginnings of names of parameters that differ deliberately from the plant's; they cause no warning.
+    disturbance: a CSV or netCDF file with force and torque on the bus, which replace the noise.
+    system: a system in place of the scenario's: the path of an ``.ssd`` file, the name of a file of ps_fmu, or an
+        ``.ssp`` archive, which contains its FMUs.
     scheme: order of exchange, ``"jacobi"``, ``"gauss-seidel"`` or ``"iterated"``, see docs/any-system.md.
-    observe: a pattern such as ``plant.payload_*``, or several, of the outputs to store, by default all.
-    requirements: a TOML file, own or of ps_fmu; the verdicts are ``summary["verdicts"]``.
+    observe: a pattern such as ``plant.payload_*``, or several patterns, of the outputs to store; by default all.
+    requirements: a TOML file; the verdicts are in ``summary["verdicts"]``.
     inputs: a CSV file of inputs over time, see docs/any-system.md.
-    faults: a file of faults, JSON or YAML, see docs/faults.md; what acted is ``summary["faults"]``.
-    isolate: run each FMU in a process of its own, or those of the components that are named: an FMU that crashes or
-        hangs ends the run with a message, and this process goes on.
+    faults: a file of faults, JSON or YAML, see docs/faults.md; ``summary["faults"]`` lists the faults that acted.
+    isolate: True: each FMU runs in a process of its own; or the names of the components that do.  An FMU that crashes
+        or hangs then ends the run with a message, and this process continues.
     step_timeout: seconds that a call of an isolated FMU in a step may take, by default 60.
     progress: show a progress bar on the error stream; by default it is shown.
 
@@ -97,14 +98,14 @@ def simulate(
 
 
 class Session:
-    """A scenario that is run again and again, with other parameters each time: its FMUs stay loaded.
+    """Run a scenario many times with other parameters; its FMUs stay loaded.
 
     >>> with ps_fmu.Session("isolation", duration=5) as session:  # doctest: +SKIP
     ...     for delay in (0.0, 1e-3, 2e-3):
     ...         print(session.run(parameters={"isolator.delay": delay}).summary["rejection_percent"])
 
-    The options are those of :func:`simulate`, but no progress is shown by default.  One thread at a time may use a
-    session; several sessions may run at the same time.
+    The options are the arguments of :func:`simulate`; a progress bar is not shown by default.  Only one thread at a
+    time may use a session.  Several sessions may run at the same time.
 
     Raises
     ------
@@ -128,10 +129,15 @@ class Session:
     def run(
         self, parameters: Mapping[str, Value] | None = None, *, seed: int | None = None, cases: Sequence[str] = ()
     ) -> Result:
-        """Run the scenario; the results are those of a run in a process of its own, to the last bit.
+        """Run the scenario; the results have the same bits as a run in a process of its own.
 
-        ``parameters`` by ``component.parameter``, ``seed`` of the disturbance, ``cases``: names of those to run, by
-        default all.  Raises as :func:`simulate`.
+        Parameters
+        ----------
+        parameters: start values by ``component.parameter``.
+        seed: seed of the disturbance.
+        cases: names of the cases to run, by default all.
+
+        Raises the errors of :func:`simulate`.
         """
         seed = self.options.seed if seed is None else seed
         options = replace(self.options, seed=seed, values=_check_values(parameters or {}))
@@ -139,14 +145,14 @@ class Session:
         return Result(None, found=(run, find(run)))
 
     def get_start(self, name: str) -> Value:
-        """The value that ``component.variable`` starts with where no parameters are given to :meth:`run`.
+        """Return the start value of ``component.variable`` for a :meth:`run` without parameters.
 
-        Raises :class:`ps_fmu.cosim.UsageError` for a variable that there is not.
+        Raises :class:`ps_fmu.cosim.UsageError` if the variable does not exist.
         """
         return Run(self.options, (), self._shared).load().get_start(name)
 
     def close(self) -> None:
-        """Free the FMUs; safe to call twice."""
+        """Free the FMUs; a second call does nothing."""
         self._shared.close()
         self._folder.cleanup()
 

@@ -62,6 +62,6 @@ def test_an_isolator_that_isolates_is_not_worse():
 def test_an_unstable_isolator_within_its_limits_is_said_to_be_that():
     """Its force is limited, so that it neither isolates nor stops the run."""
     lighter = Path(__file__).parents[2] / "system" / "parameters" / "LSM.ssv"
-    _, said = run(4.0, [lighter], **{"isolator.payload.com.z": 3.0, "isolator.force_limit": 2.0})
+    _, said = run(3.0, [lighter], **{"isolator.payload.com.z": 3.0, "isolator.force_limit": 2.0})
     assert "The closed loop is unstable: a pair of poles at +" in said[0]
     assert "By the linear model it is" not in said[0]

@@ -15,7 +15,7 @@ STATUS_NAMES = ("fmi2OK", "fmi2Warning", "fmi2Discard", "fmi2Error", "fmi2Fatal"
 
 
 class UsageError(CosimError, ValueError):
-    """An argument that cannot be honoured: a step size, a duration, a name, a value."""
+    """An argument cannot be used: a step size, a duration, a name, a value."""
 
 
 class MissingFmuError(SystemFileError):
@@ -27,7 +27,7 @@ class MissingFmuError(SystemFileError):
 
 
 class WiringError(CosimError, ValueError):
-    """A system whose parts do not fit together; ``problems`` lists every reason that was found."""
+    """The parts of a system do not fit together; ``problems`` lists all reasons."""
 
     def __init__(self, path: Path, problems: Sequence[str]) -> None:
         super().__init__(f"{path}: the system cannot be wired:\n" + "\n".join(f"- {p}" for p in problems))
@@ -36,11 +36,11 @@ class WiringError(CosimError, ValueError):
 
 
 class SlaveError(CosimError):
-    """A call of an FMU that failed, or a value from it that is not finite.
+    """A call of an FMU failed, or the FMU returned a value that is not finite.
 
-    Attributes: ``component``, ``function`` (FMI function), ``status`` (number of fmi2Status, or None where
-    the call succeeded and the value is at fault), ``time`` [s] of the communication point (None before the
-    experiment is set up), ``variables`` of the call, ``messages`` that the FMU logged last.
+    Attributes: ``component``, ``function`` (FMI function), ``status`` (number of fmi2Status; None if the call
+    succeeded and the value is wrong), ``time`` of the communication point, s (None before the experiment is set up),
+    ``variables`` of the call, ``messages``: the last messages of the FMU.
     """
 
     def __init__(
@@ -77,10 +77,10 @@ class SlaveEnded(DiscardedStep):
 
 
 class ConvergenceError(CosimError):
-    """A loop whose equations were not solved.
+    """The iteration of a loop did not converge.
 
-    Attributes: ``members``: its components; ``time`` [s] where the step begins; ``variable`` with the largest residual,
-    ``component.variable``; ``residual`` in units of its tolerance.
+    Attributes: ``members``: components of the loop; ``time`` at the start of the step, s; ``variable`` with the largest
+    residual, ``component.variable``; ``residual``: this residual over its tolerance.
     """
 
     def __init__(self, text: str, *, members: Sequence[str], time: float, variable: str, residual: float) -> None:
@@ -92,7 +92,7 @@ class ConvergenceError(CosimError):
 
 
 class RecorderError(CosimError, OSError):
-    """A result file that cannot be written; what was stored before stays readable."""
+    """A result file cannot be written; the rows stored before stay readable."""
 
 
 def name_status(status: int) -> str:

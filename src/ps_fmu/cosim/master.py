@@ -42,25 +42,26 @@ BLOCK_ROWS = 2000
 
 
 class Master(Assembly):
-    """A system of FMUs that is simulated.
+    """Simulate a system of FMUs.
 
     Parameters
     ----------
-    system: the wiring, see :func:`read_system`
-    step: communication step [s]; by default that of the system's experiment
+    system: the system, see :func:`read_system`
+    step: communication step, s; by default the step of the system's experiment
     scheme: ``"jacobi"``, ``"gauss-seidel"``, ``"iterated"``, or a :class:`.schemes.scheme.Scheme`
-    start_time: [s]; by default that of the system's experiment
-    block_rows: rows that are handed to the observers at a time
-    descriptions: those of the FMUs by component, where they have been read before: each takes some 50 ms
-    inputs: over time, by the name of an input of the system or ``component.variable``, by :func:`.signals.read_signals`
-    also: variables to record beside the outputs
-    only: names of the columns to record; other outputs are neither read nor columns unless a connection carries them
-    stopwatch: times each call of an FMU; the steps take some 0.5 us longer
-    isolation: which FMUs get processes of their own; by default none
-    faults: what happens to signals and parameters, see :func:`.faults.reading.read_faults`
+    start_time: start time, s; by default the start time of the system's experiment
+    block_rows: rows that an observer gets at a time
+    descriptions: model descriptions by component, if they have been read before; each takes some 50 ms to read
+    inputs: signals over time by ``component.variable`` or by the name of an input of the system, see
+        :func:`.signals.read_signals`
+    also: names of variables to record beside the outputs
+    only: names of the columns to record; other outputs are read only if a connection needs them
+    stopwatch: measures the time of each call of an FMU; a step then takes some 0.5 us longer
+    isolation: FMUs that run in processes of their own; by default none
+    faults: faults of signals and parameters, see :func:`.faults.reading.read_faults`
 
     Raises :class:`UsageError`, :class:`SystemFileError` or :class:`WiringError` before anything is loaded, and
-    :class:`CosimError` where the loop over the steps is not compiled.
+    :class:`CosimError` if the compiled loop is missing.
 
     Example::
 
@@ -132,21 +133,21 @@ class Master(Assembly):
 
     @property
     def warnings(self) -> dict[str, int]:
-        """How often the FMUs returned fmi2Warning, by component."""
+        """Number of fmi2Warning that each component returned."""
         return {name: instance.warnings for name, instance in self.instances.items()}
 
     @property
     def phases(self) -> dict[str, InstancePhase]:
-        """Where each FMU that was loaded is in its life, by component."""
+        """Phase of each loaded FMU between loading and freeing, by component."""
         return {name: instance.phase for name, instance in self.instances.items()}
 
     @property
     def ended(self) -> SlaveEnded | None:
-        """The FMU that has ended the simulation, with the ``time`` [s] of its last row; None if none has."""
+        """The FMU that ended the simulation, with the ``time`` of its last row, s; None if no FMU did."""
         return self._ended
 
     def get(self, name: str) -> Value:
-        """Value of any variable, ``component.variable``, at the current communication point."""
+        """Return the value of any variable, ``component.variable``, at the current communication point."""
         port = self._find_port(name)
         if self.loop is None:
             raise UsageError(f"{name}: the system is not initialised, or closed")
@@ -155,7 +156,7 @@ class Master(Assembly):
     def set(self, name: str, value: Value) -> None:
         """Set an input or a parameter, ``component.variable``, from the current communication point on.
 
-        An input leaves what feeds it and keeps the value; the column of an input of the run goes on.  Raises
+        An input is disconnected and keeps the value; a column of an input of the run continues.  Raises
         :class:`UsageError`: no such variable, not of its type, a fixed parameter after the initialisation.
         """
         if self._closed:
@@ -165,9 +166,9 @@ class Master(Assembly):
     # ---- life --------------------------------------------------------------------------------------------
 
     def record(self, only: Collection[str] | None) -> None:
-        """Before :meth:`initialise`: record these columns from there on, also after a reset; see the constructor.
+        """Choose the columns to record before :meth:`initialise`, also for runs after a reset; see the constructor.
 
-        Raises :class:`UsageError`: no such column, or the system is initialised.
+        Raises :class:`UsageError` if there is no such column, or if the system is initialised.
         """
         if self.loop is not None or self._closed:
             raise UsageError("record: the system is initialised, or closed: reset it first")
@@ -175,9 +176,9 @@ class Master(Assembly):
         self.rows = self.run_columns.make_rows(self._block_rows)
 
     def initialise(self) -> None:
-        """Load all FMUs unless they are, set start values, pass the initial values round, read the outputs: row 0.
+        """Load all FMUs that are not loaded, set start values, exchange initial values, and read the outputs: row 0.
 
-        Raises :class:`SlaveError` or :class:`SystemFileError`; the FMUs are freed then.
+        Raises :class:`SlaveError` or :class:`SystemFileError`, after all FMUs are freed.
         """
         if self.loop is not None or self._closed:
             raise UsageError("the system is already initialised, or closed: reset it, or make a new Master")
@@ -198,16 +199,16 @@ class Master(Assembly):
             raise
 
     def reset(self, start_values: Mapping[str, Value] | Mapping[str, Parameter] | None = None) -> None:
-        """Back to before the initialisation, without loading anything; :meth:`initialise` follows.
+        """Return to the state before the initialisation without loading FMUs; call :meth:`initialise` next.
 
-        The results are those of a new Master with ``system.with_parameters(start_values)``, to the last bit.  It is
-        done by fmi2Reset; an FMU that refuses that is instantiated anew.
+        Results have the same bits as those of a new Master with ``system.with_parameters(start_values)``.  An FMU that
+        refuses fmi2Reset is freed and instantiated again.
 
-        ``start_values`` of parameters and inputs, by ``component.variable``, replace those of the system.  What was
-        given to an earlier reset, or to :meth:`set`, is forgotten.
+        ``start_values``: values of parameters and inputs by ``component.variable``, which replace those of the system.
+        Values of an earlier reset, or of :meth:`set`, are dropped.
 
-        Raises :class:`UsageError` or :class:`WiringError` before anything is done: closed, during a run, no such
-        variable, not of its type.  :class:`SlaveError`: the system is closed then.
+        Raises :class:`UsageError` or :class:`WiringError`, before anything is done, if the master is closed or runs, if
+        a variable does not exist, if a value is not of its type; :class:`SlaveError`, after the system is closed.
         """
         self._refuse_while_running("reset")
         if self._closed:
@@ -235,18 +236,17 @@ class Master(Assembly):
         *,
         checkpoints: Checkpoints | None = None,
     ) -> None:
-        """Advance by ``duration`` [s]; the first run begins with row 0, each later one with the row after.
+        """Advance by ``duration``, s; the first run begins with row 0, a later run with the row after the last.
 
-        Whatever ends the run early - an FMU, an observer, Ctrl-C - all complete rows reach all observers
-        first; then the FMUs are terminated and freed as far as the standard allows, and the error is
-        raised.
+        If an FMU, an observer or Ctrl-C ends the run early, all observers first get all complete rows.  Then the FMUs
+        are terminated and freed as far as the standard allows, and the error is raised.
 
-        ``checkpoints`` keep the run, and have it go on, see :class:`.Checkpoints`.
+        ``checkpoints`` store the run and continue it, see :class:`.Checkpoints`.
 
-        An FMU that ends the simulation by itself (fmi2Discard with fmi2Terminated) is no failure: :attr:`ended` is it.
+        An FMU may end the simulation (fmi2Discard with fmi2Terminated): this is no error, and :attr:`ended` is set.
 
-        Raises :class:`UsageError` (nothing has run: a duration or an event that is not on the grid of steps),
-        :class:`SlaveError`, KeyboardInterrupt, or what an observer raises.
+        Raises :class:`UsageError` before the run for a duration or an event between two steps, :class:`SlaveError`,
+        KeyboardInterrupt, and errors of observers.
         """
         self._refuse_while_running("run")
         if self.loop is None:
@@ -279,7 +279,7 @@ class Master(Assembly):
             keeper.end()
 
     def close(self) -> None:
-        """Terminate and free all FMUs; safe to call twice.  Raises the first :class:`SlaveError`."""
+        """Terminate and free all FMUs; a second call does nothing.  Raises the first :class:`SlaveError`."""
         self._refuse_while_running("close")
         self._drop_loop()
         self._closed = True

@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Column:
-    """A recorded output.  ``unit`` is the FMI spelling, "1" where there is none."""
+    """A recorded output.  ``unit`` is spelled as in FMI, "1" if there is no unit."""
 
     name: str
     unit: str

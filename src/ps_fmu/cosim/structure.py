@@ -153,11 +153,11 @@ class ParameterSet(Mapping[str, Value]):
 
 @dataclass(frozen=True)
 class System:
-    """What a system description says; nothing is loaded and no FMU has been looked into.
+    """The content of a system description; no FMU is loaded or opened.
 
-    ``path`` is the description, in an archive the archive and the member; ``labels`` its name and description.
+    ``path``: the description, or the archive and its member; ``labels``: name and description of the system.
 
-    Raises :class:`SystemFileError` for a name that a terminal would obey: names are in messages.
+    Raises :class:`SystemFileError` for a name with control characters.
     """
 
     path: Path
@@ -178,7 +178,7 @@ class System:
                 raise SystemFileError(self.path, text)
 
     def component(self, name: str) -> Component:
-        """The component of this name.  Raises :class:`UsageError`, with the names there are."""
+        """Return the component of this name.  Raises :class:`UsageError` with all names if there is none."""
         for component in self.components:
             if component.name == name:
                 return component
@@ -186,9 +186,9 @@ class System:
         raise UsageError(f"{self.path}: there is no component {name!r}; the system has {names}")
 
     def find_port(self, name: str) -> PortName:
-        """``component.variable`` taken apart, where names of components may have dots: the longest that fits.
+        """Split ``component.variable``; the component is the longest name that fits, since names may contain dots.
 
-        Raises :class:`UsageError`: no component has such a name.
+        Raises :class:`UsageError` if no component fits.
         """
         if (found := split_port(name, {component.name for component in self.components})) is not None:
             return found
@@ -197,15 +197,14 @@ class System:
         return port
 
     def name_members(self) -> AbstractContextManager[None]:
-        """See ``UnpackedFolder.name_members``; nothing for a system that is not from an archive."""
+        """See ``UnpackedFolder.name_members``; it does nothing for a system that is not in an archive."""
         return nullcontext() if self.unpacked is None else self.unpacked.name_members()
 
     def with_parameters(self, values: Mapping[str, Value] | Mapping[str, Parameter]) -> System:
-        """The same system with other start values, by ``component.variable``; they replace those of the file.
+        """Return the same system with other start values by ``component.variable``, which replace those of the file.
 
-        Whether the variables exist and take these values is checked when the FMUs are opened.  Values that an FMU in
-        place of another one does not have are left out, with a remark.
-        Raises :class:`UsageError` for a name without a component of the system.
+        Variables and values are checked when the FMUs are opened.  If a replaced FMU lacks a variable, its value is
+        left out with a remark.  Raises :class:`UsageError` for a name without a component of the system.
         """
         named = values.entries() if isinstance(values, ParameterSet) else values
         changes: dict[str, dict[str, Parameter]] = {}

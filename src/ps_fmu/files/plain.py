@@ -11,13 +11,13 @@ from pathlib import Path
 
 
 class CosimError(Exception):
-    """Base of the errors of files and of the co-simulation."""
+    """Base class of the errors of files and of the co-simulation."""
 
 
 class SystemFileError(CosimError, ValueError):
-    """A file that cannot be used: SSD, SSV, SSP or FMU.
+    """An SSD, SSV, SSP or FMU file cannot be used.
 
-    Attributes: ``path`` of the file, ``text`` that says what is wrong, ``line`` in it (None where there is none).
+    Attributes: ``path`` of the file, ``text`` with the problem, ``line`` number in the file (None if unknown).
     """
 
     def __init__(self, path: Path, text: str, line: int | None = None) -> None:

@@ -119,7 +119,7 @@ class Reserve(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class SystemModel:
-    """The components of a system with their start values, as the physics knows them."""
+    """The components of a system with their start values, as objects of the physics."""
 
     system: System
     components: Mapping[str, str]  # name in the system by the name of the FMU
@@ -134,7 +134,7 @@ class SystemModel:
 
     @property
     def name(self) -> str:
-        """Of the file of its description."""
+        """Name of the system file."""
         return self.system.path.stem
 
     @cached_property
@@ -143,7 +143,7 @@ class SystemModel:
         return read_disturbance(self.system, self.components[SOURCE])
 
     def without_pointing(self) -> SystemModel:
-        """The same with the line-of-sight loop off."""
+        """The same system with the line-of-sight loop off."""
         return replace(self, tracker=None, pointing=None)
 
     @property
@@ -157,13 +157,13 @@ class SystemModel:
         ]
 
     def component(self, fmu: str) -> str:
-        """Name of the component that an FMU of this name is."""
+        """Return the name of the component that is an FMU of this model."""
         return self.components[fmu]
 
 
 @dataclass(frozen=True, eq=False)
 class Circuit:
-    """The wired model with the isolator on or off, with the inputs that sources act on."""
+    """The connected linear model with the isolator on or off, and the inputs of the sources."""
 
     model: SystemModel
     active: bool
@@ -209,13 +209,13 @@ class Circuit:
 
     @cached_property
     def poles(self) -> Complex:
-        """(n,), rad/s, a line-of-sight loop open."""
+        """Poles (n,), rad/s, with the line-of-sight loop open."""
         found = self._connect([], []).poles
         return np.asarray(found[np.isfinite(found)])
 
     @cached_property
     def unstable(self) -> Complex:
-        """Poles in the right half-plane, loops closed, rad/s, the one farthest to the right first."""
+        """Poles in the right half-plane with all loops closed, rad/s, by descending real part."""
         if self.closed or self.has_long_delay:
             return find_unstable(self.characteristic, self.frequencies)
         return find_growing(self.poles)
@@ -264,13 +264,13 @@ class Circuit:
 
     @property
     def loops(self) -> tuple[str, ...]:
-        """FMUs whose forces close a loop."""
+        """Names of the FMUs whose forces close a loop."""
         return (*([ISOLATOR] if self.active else []), *([POINTING] if self.closed else []))
 
     def open_loops(self, s: Complex) -> Complex:
-        """M (n, k, k), k = 3 for each of :attr:`loops`, critical point +1, at complex frequencies (n,), rad/s.
+        """Return M (n, k, k) at complex frequencies (n,), rad/s; k = 3 for each of :attr:`loops`, critical point +1.
 
-        The isolator is cut at its forces, the line-of-sight loop at the errors that the tracker sees.
+        The isolator is cut at its forces, the line-of-sight loop at the errors that the tracker measures.
         """
         m, opened = self.model, self._opened
         point: Complex = np.asarray(np.expm1(s * m.step) / m.step)
@@ -376,10 +376,10 @@ class Circuit:
         return np.asarray(found[np.isfinite(found)])
 
     def respond(self, frequency: Array, signals: Sequence[str], sources: Sequence[str]) -> Complex:
-        """(n, signals, channels), from the channels of some sources (FMUs, in the order of :attr:`channels`).
+        """Return the response (n, signals, channels) to the channels of some sources, in the order of :attr:`channels`.
 
-        To outputs of the plant, at frequencies (n,), Hz.  Raises :class:`..theory.stability.UnstableError`: an unstable
-        loop has no response.
+        Signals are outputs of the plant, sources are FMUs; frequencies (n,), Hz.  Raises
+        :class:`..theory.stability.UnstableError` for an unstable loop.
         """
         self.require_stable()
         sources = [fmu for fmu in self.channels if fmu in sources]
@@ -410,31 +410,32 @@ class Circuit:
 
 
 def read_model(system: System, step: float | None = None) -> SystemModel:
-    """The model of a system, with its start values; those that it does not give are those of the FMUs.
+    """Read the linear model of a system with its start values; the FMUs give the values that the system does not set.
 
-    ``step``: s; None: that of the system.  Raises :class:`LinearModelError` for a component that the closed form does
-    not know, and ``ParameterError`` for an impossible value.
+    ``step``: communication step, s; None: the step of the system.  Raises :class:`LinearModelError` for a component
+    without a closed form, and ``ParameterError`` for an impossible value.
     """
     components = {component.source.stem: component.name for component in system.components}
     for fmu in components:
         if fmu not in KNOWN:
-            known = ", ".join(KNOWN)
-            raise LinearModelError(f"{components[fmu]}: there is no closed form of the FMU {fmu}; there is of {known}")
+            unknown = f"the linear model does not include the FMU {fmu}; it includes {', '.join(KNOWN)}"
+            raise LinearModelError(f"{components[fmu]}: {unknown}")
     if len(components) < len(system.components):
         names = [component.source.stem for component in system.components]
         twice = next(fmu for fmu in names if names.count(fmu) > 1)
-        raise LinearModelError(f"{system.path.name}: the closed form is of one {twice}, there are {names.count(twice)}")
+        there = f"the linear model includes one {twice}, and the system has {names.count(twice)}"
+        raise LinearModelError(f"{system.path.name}: {there}")
     if missing := [fmu for fmu in NEEDED if fmu not in components]:
-        raise LinearModelError(f"{system.path.name}: the closed form needs the FMU {missing[0]}")
+        raise LinearModelError(f"{system.path.name}: the linear model needs the FMU {missing[0]}")
     h = step or system.experiment.step or STEP
     p, isolator, commander = load(), _given(system, components[ISOLATOR]), _given(system, components[COMMANDER])
     orientation = np.array([float(commander.get(f"target.{angle}", 0.0)) for angle in ("roll", "pitch", "yaw")])
     if isolator.get("sample_time"):
         name = f"{components[ISOLATOR]}.sample_time"
-        raise LinearModelError(f"{name}: there is no closed form of a digital isolator; set 0 s")
+        raise LinearModelError(f"{name}: the linear model does not include a digital isolator; set 0 s")
     if _given(system, components[PLANT]).get("base", "own") != "own":
         name = f"{components[PLANT]}.base"
-        raise LinearModelError(f"{name}: there is no closed form of a base that its host moves; set own")
+        raise LinearModelError(f"{name}: the linear model does not include a base that its host moves; set own")
     plant = _take(system, components[PLANT], Plant.from_parameters(p))
     controller = _take(system, components[ISOLATOR], Isolator.from_parameters(p))
     looped = TRACKER in components and POINTING in components

@@ -39,9 +39,9 @@ _SMALL, _ROUNDING = 0.005, 1e-9  # of the variance: what a line may take away in
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """What makes an error, with its way to it; one channel, or several that may be correlated.
+    """A source of an error and its transfer to the error: one channel, or several channels that may be correlated.
 
-    Raises ``ValueError``, naming the source, for shapes that do not fit and a spectrum that is none.
+    Raises ``ValueError`` with the name of the source for shapes that do not fit, and for an impossible spectrum.
     """
 
     name: str
@@ -77,17 +77,17 @@ class Source:
             raise ValueError(f"{self.name}, spectrum: expected Hermitian matrices")
 
     def density(self) -> Array:
-        """(n,), of the error, all signals together: unit^2/Hz, or unit^2 of a line."""
+        """Density of the error (n,), summed over all signals: unit^2/Hz, or unit^2 for a spectral line."""
         G = self.response
         return np.asarray(np.einsum("nsc,nsc->n", G @ self.spectrum, G.conj()).real)
 
     def pairs(self) -> Array:
-        """(n, k, k), the parts of :meth:`density` that pairs of channels make."""
+        """Parts (n, k, k) of :attr:`density` by pairs of channels."""
         gram = np.swapaxes(self.response, -1, -2) @ self.response.conj()
         return np.asarray((gram * self.spectrum).real)
 
     def worst(self) -> Array:
-        """(n,), :meth:`density` with those unknown phases that make most; for three or more of them an upper bound."""
+        """The largest :attr:`density` (n,) for any unknown phases; for three or more unknown phases an upper bound."""
         if self.phases is None:
             return self.density()
         unknown = list(dict.fromkeys(self.phases))
@@ -99,10 +99,11 @@ class Source:
 
 @dataclass(frozen=True)
 class UncertaintyFactors:
-    """Factors on the amplitude of the error by frequency, for what the model does not know.
+    """Factors on the amplitude of the error by frequency, for uncertainty of the model.
 
-    ``UncertaintyFactors((10.0, 50.0), (2.0, 1.5, 1.2))``: 2 below 10 Hz, 1.5 up to 50 Hz, 1.2 above; the variance has
-    their squares.  Raises ``ValueError`` unless limits ascend and there is one factor more than limits, none negative.
+    ``UncertaintyFactors((10.0, 50.0), (2.0, 1.5, 1.2))``: 2 below 10 Hz, 1.5 up to 50 Hz, 1.2 above; the variance is
+    multiplied by their squares.  Raises ``ValueError`` unless limits ascend, factors are not negative, and there is one
+    factor more than limits.
     """
 
     limits: tuple[float, ...] = ()  # Hz
@@ -116,7 +117,7 @@ class UncertaintyFactors:
             raise ValueError(f"factors: expected {expected}, got {self.factors}")
 
     def at(self, frequency: ArrayLike) -> Array:
-        """Factor at frequencies, Hz, of any shape; at a limit that of the band above."""
+        """Return the factor at frequencies of any shape, Hz; at a limit the factor of the band above."""
         return np.asarray(np.array(self.factors)[np.searchsorted(self.limits, frequency, side="right")])
 
 
@@ -155,7 +156,7 @@ class Budget:
 
     @property
     def resonance_names(self) -> tuple[str, ...]:
-        """Of the entries of :attr:`by_resonance`."""
+        """Names of the entries of :attr:`by_resonance`."""
         return (*(each.name for each in self.resonances), ELSEWHERE)
 
     @property
@@ -203,15 +204,15 @@ class Budget:
         return Line(first, tuple(members))
 
     def contribution(self, line: Line) -> Array:
-        """(bands,), unit^2, of a line."""
+        """Return the contribution of a line of the budget, (bands,), unit^2."""
         return np.asarray(self.pairs[:, list(line.channels)].sum(axis=(1, 2)))
 
     def share(self, part: float) -> float:
-        """A part of the variance as a share of it; 0 where there is none at all."""
+        """Return a part of the variance as a share of the variance; 0 if the variance is 0."""
         return float(part / self.variance) if self.variance else 0.0
 
     def dominant(self) -> tuple[str, float, float, float]:
-        """The line that contributes most, the band (low, high), Hz, in which it does most, and its share there."""
+        """Return the line with the largest contribution, and band (low, high), Hz, and share of its largest part."""
         bands = self.contribution(self.lines[0])
         band = int(bands.argmax())
         low, high = self.edges[band : band + 2]
@@ -233,19 +234,19 @@ def make_budget(
     resonances: Sequence[Resonance] = (),
     factors: UncertaintyFactors | None = None,
 ) -> Budget:
-    """The budget of an index.
+    """Make the budget of an index.
 
     Parameters
     ----------
-    sources: independent of each other; correlated channels are those of one source.
-    edges: (bands + 1,), Hz, ascending, from the lowest to the highest frequency of all sources or beyond.  A line at an
-        edge belongs to the band above.
-    step: s, for the index of samples; None: continuous time.  See :meth:`.PointingIndex.weight`.
-    resonances: that do not overlap, see :func:`.modal.find_resonances`.
-    factors: on the amplitude, by frequency; None: one everywhere.
+    sources: sources that are independent of each other; correlated channels belong to one source.
+    edges: edges of the bands (bands + 1,), Hz, ascending; they cover the frequencies of all sources.  A spectral line
+        at an edge belongs to the band above.
+    step: time between samples, s; None: continuous time.  See :meth:`.PointingIndex.weight`.
+    resonances: resonances that do not overlap, see :func:`.modal.find_resonances`.
+    factors: factors on the amplitude by frequency; None: 1 at all frequencies.
 
-    Raises ``ValueError`` for sources that the bands do not cover, signals that do not fit, names that occur twice, and
-    for what the index refuses.
+    Raises ``ValueError`` if the bands do not cover a source, if signals do not fit, if a name occurs twice, and for
+    frequencies or steps that the index refuses.
     """
     sources, edges = list(sources), np.asarray(edges, dtype=float)
     factors = UncertaintyFactors() if factors is None else factors

@@ -39,7 +39,7 @@ SKEWER = 1.6
 
 @dataclass(frozen=True)
 class Statement:
-    """A number and how sure it is, in the unit of the values."""
+    """A number with its confidence interval and bound, in the unit of the values."""
 
     value: float  # best estimate
     confidence: float
@@ -62,7 +62,7 @@ class Statement:
 
 
 def samples_needed(probability: float, confidence: float) -> int:
-    """Least number of independent cases whose largest bounds a quantile: n >= ln(1 - gamma) / ln P.
+    """Return the least number of independent cases whose largest value bounds a quantile: n >= ln(1 - gamma) / ln P.
 
     59 for 95 % at 95 % confidence, 852 for 99.73 % at 90 %.
     """
@@ -105,13 +105,13 @@ def _find_binomial(count: int, probability: float, level: float) -> int:
 def quantile(
     values: ArrayLike, probability: float, confidence: float = 0.95, *, independent: float | None = None
 ) -> Statement:
-    """Quantile of values (n,), with an interval and a bound from order statistics, whatever the distribution.
+    """Return a quantile of values (n,), with interval and bound from order statistics, for any distribution.
 
     Parameters
     ----------
     values: magnitudes of an index, of independent cases or of a record.
-    independent: number of independent samples they are worth; None: all n.  Values of a record have fewer, see
-        :func:`effective_samples`; the ranks are those of so many cases.
+    independent: number of independent samples that the values are equivalent to; None: all n.  For values of a record
+        see :func:`effective_samples`.  The ranks follow from this number.
     """
     ordered = np.sort(_finite(values))
     number = float(len(ordered)) if independent is None else float(independent)
@@ -304,15 +304,14 @@ def _reach(squares: float, confidence: float) -> float:
 
 
 def effective_samples(values: ArrayLike) -> float:
-    """Number of independent samples whose mean is as sure as that of a correlated record (n,); 1 to n.
+    """Return the number of independent samples, 1 to n, whose mean is as certain as that of a correlated record (n,).
 
     n over the integrated correlation time tau = 1 + 2 sum rho_m, summed up to the first lag m of at least 5 tau
     (A. D. Sokal, Monte Carlo methods in statistical mechanics, in: Functional Integration, Plenum 1997, 131-192).  The
-    record's own mean in place of the true one makes tau too small by a share (2 m + 1) / n, which is made up for (U.
-    Wolff, Monte Carlo errors with less errors, Comput. Phys. Comm. 156 (2004) 143-153).  For the variance of a record
-    give its squares, for a quantile ``values <= quantile``: these are the means in question.  A record of fewer than
-    some 50 tau says little about its own tau, and a slow part beside a fast one stays unseen: :func:`weigh_record`
-    allows for both.
+    mean of the record in place of the true mean reduces tau by the share (2 m + 1) / n, which is corrected (U. Wolff,
+    Monte Carlo errors with less errors, Comput. Phys. Comm. 156 (2004) 143-153).  For the variance of a record give its
+    squares; for a quantile give ``values <= quantile``.  A record of less than some 50 tau gives a poor estimate of
+    tau, and a slow part beside a fast part is not detected; :func:`weigh_record` allows for both.
     """
     series = _finite(values)
     return float(np.clip(len(series) / find_correlation(series)[0], 1.0, len(series)))

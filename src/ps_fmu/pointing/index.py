@@ -30,14 +30,14 @@ _BLOCK = 1 << 21  # numbers in a block of windows: 16 MB
 
 
 class PointingIndex(ABC):
-    """One aspect of how an error varies with time, as a linear operation on the error in a window."""
+    """A pointing error index: a linear operation on the error within a window."""
 
     symbol: ClassVar[str]  # short name, as in ECSS-E-ST-60-10C where it has one
     keeps_bias: ClassVar[bool] = False  # whether a constant error remains; if not, the index of a constant is zero
 
     @property
     def about(self) -> str:
-        """In words, for example ``RPE over 1 s, t uniform``."""
+        """The index in words, for example ``RPE over 1 s, t uniform``."""
         text = self.symbol
         if (window := getattr(self, "window", None)) is not None:
             text += f" over {window:g} s"
@@ -50,7 +50,7 @@ class PointingIndex(ABC):
     @property
     @abstractmethod
     def span(self) -> float:
-        """Time from the first to the last sample that the index needs, s; its weight has no faster period in f."""
+        """Time from the first to the last sample that the index needs, s; the weight has periods of 1/span in f."""
 
     @abstractmethod
     def _weight(self, frequency: Array, step: float | None) -> Array:
@@ -58,7 +58,7 @@ class PointingIndex(ABC):
 
     @abstractmethod
     def lag_weights(self, lags: Lags, step: float) -> Array:
-        """q (n,) at ``lags`` m (n,), steps, so that the mean square is the sum over all m of q_m R_m.
+        """Return q (n,) at ``lags`` m (n,), in steps: the mean square is the sum over all m of q_m R_m.
 
         R_m is the autocovariance of the samples.  q is even in m, and zero beyond :meth:`count`.
         """
@@ -68,11 +68,13 @@ class PointingIndex(ABC):
         """Values (windows, r, signals) of the index in windows (windows, count, signals)."""
 
     def count(self, step: float) -> int:
-        """Samples that one value of the index needs, for a step, s; ``ValueError`` unless times are whole steps."""
+        """Return the number of samples for one value of the index; ``ValueError`` unless times are whole steps, s."""
         return count_samples(self.span, step, "window")
 
     def weight(self, frequency: ArrayLike, step: float | None = None) -> Array:
-        """W(f), between 0 and 4, at frequencies, Hz, of any shape: the index's mean square of a line of mean square 1.
+        """Return the weight W(f), 0 to 4, at frequencies of any shape, Hz.
+
+        W is the mean square of the index for a sine with the mean square 1.
 
         Raises ``ValueError`` for frequencies below 0 Hz, for those above half the sampling rate 1 / ``step``, and for
         a window that is not a whole number of steps.
@@ -87,12 +89,11 @@ class PointingIndex(ABC):
     def quadrature(
         self, frequency: ArrayLike, *, step: float | None = None, interpolation: Interpolation = "linear"
     ) -> Array:
-        """Coefficients (n,), Hz: the variance is their sum with the samples of a density at ``frequency`` (n,), Hz.
+        """Return coefficients (n,), Hz; their sum with samples of a density at ``frequency`` (n,), Hz, is the variance.
 
-        ``linear``: exact, to rounding, for a density that is linear between its samples, even where the weight
-        oscillates many times between them.  ``bins``: each sample is the mean over a bin around it, as in a Welch
-        spectrum; frequencies are equally spaced from 0 Hz on, and APE is the plain sum.  Nothing outside the given
-        frequencies counts.
+        ``linear``: the density is linear between its samples; the result is exact to rounding, even if the weight
+        oscillates many times between samples.  ``bins``: each sample is the mean over a bin around it, as in a Welch
+        spectrum; frequencies are equally spaced from 0 Hz on.  The density outside the given frequencies counts as 0.
         """
         frequency = np.asarray(frequency, dtype=float)
         if frequency.ndim != 1 or len(frequency) < 2 or not (np.diff(frequency) > 0.0).all():
@@ -113,15 +114,15 @@ class PointingIndex(ABC):
         interpolation: Interpolation = "linear",
         axis: int = 0,
     ) -> Array:
-        """Variance from samples of a one-sided density: the integral of W S over the given frequencies.
+        """Return the variance for samples of a one-sided density S: the integral of W S over the given frequencies.
 
         Parameters
         ----------
         frequency: (n,), Hz, ascending.
-        psd: unit^2/Hz with n values along ``axis``: (n,) for one signal, (n, k) for more, (n, k, k) for the real part
-            of a spectral density matrix, which gives the covariance (k, k).
-        interpolation: what the density is between its samples: ``linear`` or ``bins``, see :meth:`quadrature`, or
-            ``power law``, straight in a log-log plot, for which frequencies and densities are above 0.
+        psd: S, unit^2/Hz, with n values along ``axis``: (n,) for one signal, (n, k) for k signals, (n, k, k) for the
+            real part of a spectral density matrix, which gives the covariance (k, k).
+        interpolation: the density between its samples: ``linear`` or ``bins``, see :meth:`quadrature`, or
+            ``power law``, a straight line in a log-log plot; frequencies and densities are then above 0.
 
         Returns the variance in unit^2, in the shape of ``psd`` without ``axis``.
         """
@@ -143,7 +144,7 @@ class PointingIndex(ABC):
         interpolation: Interpolation = "linear",
         axis: int = 0,
     ) -> Array:
-        """Root of :meth:`variance`, for densities of signals (not matrices)."""
+        """Return the square root of :meth:`variance` for densities of signals (not matrices)."""
         return np.sqrt(self.variance(frequency, psd, step=step, interpolation=interpolation, axis=axis))
 
     def variance_of_function(
@@ -154,39 +155,40 @@ class PointingIndex(ABC):
         step: float | None = None,
         points: Iterable[float] = (),
     ) -> float:
-        """Variance from a density given as a function of the frequency, Hz, over a finite band (low, high), Hz.
+        """Return the variance for a density that is a function of the frequency, over a band (low, high), Hz.
 
-        To 1e-12 of the result.  ``points`` are frequencies of narrow resonances and steps.  Densities that
-        grow towards 0 Hz are fine where the weight falls faster: ``band=(0.0, high)`` of 1/f^2 for the relative error.
+        The relative error is 1e-12.  ``points``: frequencies of narrow resonances and steps.  A density may grow
+        towards 0 Hz if the weight falls faster: the relative error has a variance for 1/f^2 and ``band=(0.0, high)``.
         """
         if step is not None:
             self.weight(band[1], step)
         return function_integral(lambda f: self._weight(f, step), psd, band, self.span, points)
 
     def variance_of_lines(self, frequency: ArrayLike, amplitude: ArrayLike, *, step: float | None = None) -> Array:
-        """Variance from lines (n,), Hz, of amplitude (n,) or (n, k), unit, real or complex; shape () or (k,), unit^2.
+        """Return the variance, () or (k,), unit^2, for spectral lines (n,), Hz, of amplitudes (n,) or (n, k), unit.
 
-        Phases are random or frequencies differ, so that mean squares, half the squares of the amplitudes, add up.
+        Amplitudes are real or complex.  Phases are random or frequencies differ, so that mean squares add up.
         """
         return np.asarray(np.tensordot(self.weight(frequency, step), 0.5 * np.abs(np.asarray(amplitude)) ** 2, axes=1))
 
     def values(self, record: ArrayLike, step: float, *, stride: int | None = None) -> Array:
-        """The index in each window of a record, (windows, r, signals), with its sign.
+        """Return the signed index in each window of a record, (windows, r, signals).
 
         Parameters
         ----------
         record: (n,) or (n, signals), samples ``step`` s apart.
-        stride: samples between the starts of windows: 1 slides by each sample; None puts windows side by side.
+        stride: samples between the starts of windows; None: windows lie side by side.
 
-        r is 1 where a window has one value, and the samples of the window where it has one for each time t in it (RPE
-        with t uniform, residual jitter).  Raises ``ValueError`` if the record is shorter than one window.
+        r is 1 if the index gives one value per window.  It is the number of samples of the window if the index gives a
+        value at each time t in it (RPE with t uniform, residual jitter).  Raises ``ValueError`` if the record is
+        shorter than one window.
         """
         parts = split(record, self.count(step), self._stride(step, stride))
         found = [self._evaluate(windows, step) for windows in parts]
         return found[0] if len(found) == 1 and found[0].flags.owndata else np.concatenate(found)
 
     def of_record(self, record: ArrayLike, step: float, *, stride: int | None = None) -> Estimate:
-        """Bias, covariance and peak of the index over the windows of a record; arguments as in :meth:`values`."""
+        """Return bias, covariance and peak over the windows of a record; arguments as in :meth:`values`."""
         parts = split(record, self.count(step), self._stride(step, stride))
         return estimate(self._evaluate(windows, step) for windows in parts)
 
@@ -201,7 +203,7 @@ def _fold(frequency: Array, step: float | None) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """An index over the windows of a record."""
+    """Statistics of an index over the windows of a record."""
 
     bias: Array  # (signals,), mean over the windows, in the unit of the signals
     covariance: Array  # (signals, signals), unit^2, about the bias; divided by the number of values

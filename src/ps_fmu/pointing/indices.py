@@ -95,13 +95,13 @@ class MeanError(_WindowIndex):
 
 @dataclass(frozen=True)
 class RelativeError(_WindowIndex):
-    """RPE, relative performance error: e(t) less the mean of e over a window that t lies in.  ECSS-E-ST-60-10C, 3.2.12.
+    """RPE, relative performance error: e(t) minus the mean of e over a window that contains t.
 
-    The standard leaves open where t lies and names two choices (3.2.12, note 2), so ``at`` has no default:
+    ECSS-E-ST-60-10C, 3.2.12.  The standard allows two choices of t in the window (note 2), so ``at`` must be given:
 
     ``uniform``: t is random in the window.  W = 1 - j0^2, and APE^2 = MPE^2 + RPE^2 in the mean square.
-    ``end``: t is the window's end.  W = |1 - (1 - e^(-ix)) / (ix)|^2, x = 2 pi f T.  For errors that are slow against
-    the window this is 3 times the variance of ``uniform``, for fast ones the same.
+    ``end``: t is the window's end.  W = |1 - (1 - e^(-ix)) / (ix)|^2, x = 2 pi f T.  For errors that are slow
+    compared with the window the variance is 3 times that of ``uniform``; for fast errors both variances are equal.
     """
 
     at: Literal["uniform", "end"]  # where t lies in the window
@@ -136,9 +136,9 @@ class RelativeError(_WindowIndex):
 
 @dataclass(frozen=True)
 class DriftError(_WindowIndex):
-    """PDE, performance drift error: the mean over a window less that over an earlier one.  ECSS-E-ST-60-10C, 3.2.8.
+    """PDE, performance drift error: the mean over a window minus the mean over an earlier window.
 
-    Both windows have the same length and lie in one observation.  W = 4 sin^2(pi f D) j0^2.
+    ECSS-E-ST-60-10C, 3.2.8.  Both windows have the same length and lie in one observation.  W = 4 sin^2(pi f D) j0^2.
     """
 
     separation: float  # D, from the start of one window to the start of the other, s
@@ -178,10 +178,10 @@ class DriftError(_WindowIndex):
 
 @dataclass(frozen=True)
 class ReproducibilityError(DriftError):
-    """PRE, performance reproducibility error: as PDE, the windows in different observations.  ECSS-E-ST-60-10C, 3.2.10.
+    """PRE, performance reproducibility error: PDE of windows in different observations.  ECSS-E-ST-60-10C, 3.2.10.
 
-    The definitions are identical (3.2.10, note 5).  What a calibration between the observations resets is not in the
-    spectrum that belongs here; a bias that changes between them adds twice its variance (annex B, Table B-2).
+    The definitions are identical (3.2.10, note 5).  The spectrum does not contain errors that a calibration between the
+    observations removes.  A bias that changes between observations adds twice its variance (annex B, Table B-2).
     """
 
     symbol: ClassVar[str] = "PRE"
@@ -189,7 +189,7 @@ class ReproducibilityError(DriftError):
 
 @dataclass(frozen=True)
 class Smear(_WindowIndex):
-    """Linear trend of e over a window, as its RMS there: the slope times T / sqrt(12).  W = 3 j1^2.
+    """Smear: RMS of the linear trend of e over a window, the slope times T / sqrt(12).  W = 3 j1^2.
 
     Pittelkau and McKinley; :meth:`length` gives the smear length, slope times T.
     """
@@ -197,7 +197,7 @@ class Smear(_WindowIndex):
     symbol: ClassVar[str] = "smear"
 
     def length(self, rms: ArrayLike, step: float | None = None) -> Array:
-        """Smear length, slope times T, from the RMS: sqrt(12) of it; for N samples N sqrt(12 / (N^2 - 1)) of it."""
+        """Return the smear length, slope times T: RMS times sqrt(12), or times N sqrt(12 / (N^2 - 1)) for N samples."""
         samples = math.inf if step is None else self.count(step)
         return np.asarray(math.sqrt(12.0 / (1.0 - samples**-2)) * np.asarray(rms, dtype=float))
 
@@ -215,10 +215,10 @@ class Smear(_WindowIndex):
 
 @dataclass(frozen=True)
 class ResidualJitter(_WindowIndex):
-    """What is left of e in a window without its mean and linear trend, t random.  W = 1 - j0^2 - 3 j1^2.
+    """Residual jitter: e in a window without its mean and linear trend, t random.  W = 1 - j0^2 - 3 j1^2.
 
-    The jitter that blurs an image exposed over the window.  Its mean square divides by the length of the window.
-    Pittelkau and McKinley.
+    It blurs an image that is exposed over the window.  The mean square is an integral over the window divided by its
+    length.  Pittelkau and McKinley.
     """
 
     symbol: ClassVar[str] = "jitter"

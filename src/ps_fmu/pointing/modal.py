@@ -97,7 +97,7 @@ class StateSpace:
 
     @property
     def direct(self) -> Array:
-        """D, zeros where there is none."""
+        """The matrix D; zeros if none is given."""
         return np.zeros((len(self.C), self.B.shape[-1])) if self.D is None else self.D
 
     @cached_property
@@ -106,9 +106,9 @@ class StateSpace:
         return self._to_continuous(np.asarray(np.linalg.eigvals(self.A), dtype=complex))
 
     def response(self, frequency: ArrayLike) -> Complex:
-        """(n, signals, inputs) at frequencies (n,), Hz; inputs are of the exponent +2 pi i f t.
+        """Return the response (n, signals, inputs) at frequencies (n,), Hz, to inputs exp(2 pi i f t).
 
-        Raises ``ValueError`` for frequencies that are not within 0 Hz and half the sampling rate, or not a vector.
+        Raises ``ValueError`` unless frequencies are a vector within 0 Hz and half the sampling rate.
         """
         from scipy.linalg import matrix_balance
 

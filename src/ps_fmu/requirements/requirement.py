@@ -81,28 +81,28 @@ class Requirement:
         return RequirementError(f"{self.place}, {key}: {problem}")
 
     def judges(self, case: str) -> bool:
-        """Whether a run of this name is judged."""
+        """Return whether a run of this name is judged."""
         return any(fnmatchcase(case, pattern) for pattern in self.cases)
 
     def check_cases(self, names: Iterable[str]) -> None:
-        """Raises :class:`RequirementError` unless one of these runs is judged."""
+        """Raise :class:`RequirementError` unless one of these runs is judged."""
         names = list(names)
         if not any(self.judges(name) for name in names):
             raise self.error("case", f"there is no run {' or '.join(self.cases)}; there are {', '.join(names)}")
 
     def stride(self, step: float) -> int:
-        """Samples from the start of one window to the next: windows lie side by side."""
+        """Return the samples from the start of one window to the start of the next: windows lie side by side."""
         window = getattr(self.index, "window", None)
         return 1 if window is None else count_samples(window, step, "window")
 
     def check_times(self, step: float, duration: float, steps_of: str = "") -> None:
-        """Raises :class:`RequirementError` where windows are not whole steps, or longer than what is judged.
+        """Raise :class:`RequirementError` if a window is no whole number of steps, or longer than what is judged.
 
         Parameters
         ----------
-        step: between samples, s.
-        duration: of the run, s.
-        steps_of: what the steps are those of, for the message.
+        step: time between samples, s.
+        duration: duration of the run, s.
+        steps_of: origin of the steps, for the message.
         """
         try:
             count = self.index.count(step)
@@ -182,7 +182,7 @@ def make_index(symbol: str, given: Mapping[str, Any]) -> PointingIndex:
 
 
 def read_requirements(path: Path) -> tuple[Requirement, ...]:
-    """The requirements of a file.  Raises :class:`RequirementError` that names file, requirement and key."""
+    """Read the requirements of a file.  Raises :class:`RequirementError` that names file, requirement and key."""
     try:
         tables = read_document(path, _File, make_value).requirement
     except SystemFileError as error:

@@ -28,11 +28,11 @@ class ResultsError(OSError):
 
 
 def judge_files(paths: Sequence[Path], requirements: Sequence[Requirement]) -> list[Verdict]:
-    """The verdicts on stored runs; several files are independent members of one ensemble, case by case.
+    """Judge stored runs, and return the verdicts; several files are independent members of one ensemble, case by case.
 
-    The signals have the bandwidth of the stored rows, which ``rows`` of each verdict states; so it does of a run that
-    was interrupted.  Raises :class:`.requirement.RequirementError` for a requirement that does not fit the rows,
-    :class:`ResultsError` for a file that cannot be read or holds no run, and for one that is given twice.
+    ``rows`` of each verdict states the bandwidth of the stored rows, and the end of an interrupted run.  Raises
+    :class:`.requirement.RequirementError` for a requirement that does not fit the rows, :class:`ResultsError` for a
+    file that cannot be read, contains no run, or is given twice.
     """
     import netCDF4
 
@@ -170,5 +170,5 @@ def _refuse_twin(record: RequirementRecord, path: Path, others: dict[Path, Requi
     for other, earlier in others.items():
         same = own == [distribution.identity for distribution in earlier.distributions]
         if same and any(peak for _, peak, _ in own):  # runs at rest are alike
-            raise ResultsError(f"{other} and {path} hold the same run: members of an ensemble need different seeds")
+            raise ResultsError(f"{other} and {path} are the same run: runs of an ensemble need different seeds")
 

@@ -16,7 +16,7 @@ from .requirement import Requirement
 
 
 class Answer(StrEnum):
-    """What is said of a requirement; only the first counts as met."""
+    """The answer to a requirement; only the first answer counts as met."""
 
     MET = "met"
     NOT_MET = "not met"
@@ -28,7 +28,7 @@ class Answer(StrEnum):
 
 @dataclass(frozen=True)
 class Verdict:
-    """A requirement, one signal, one run of the scenario (several, where files of several are judged together)."""
+    """The answer to a requirement for one signal of one run, or of several runs that are judged together."""
 
     requirement: Requirement
     case: str
@@ -39,28 +39,28 @@ class Verdict:
     statement: Statement | None
     """In the unit of the signal; None where there was nothing to judge."""
     remark: str = ""
-    """What the numbers do not tell: why it cannot be said, what to do."""
+    """Why there is no answer, or how to get a closer bound."""
     rows: str = ""
     """Which rows were judged, of which bandwidth."""
 
     @property
     def met(self) -> bool:
-        """False also where it cannot be said."""
+        """True only if the answer is "met"."""
         return self.answer is Answer.MET
 
     @property
     def margin_percent(self) -> float | None:
-        """100 (1 - bound / limit); below 0 where the limit is exceeded, None without a bound."""
+        """Margin 100 (1 - bound / limit), %; negative if the bound exceeds the limit, None without a bound."""
         if self.statement is None or not math.isfinite(self.statement.bound):
             return None
         return 100.0 * (1.0 - self.statement.bound / self.limit)
 
     def convert(self, value: float) -> float:
-        """A value in the unit of the signal in that of the limit."""
+        """Convert a value from the unit of the signal to the unit of the limit."""
         return value / self.limit * self.requirement.limit.value
 
     def as_dict(self) -> dict[str, object]:
-        """The entry of summary.json: numbers in the unit of the limit, margin in percent."""
+        """Return the entry of summary.json: numbers in the unit of the limit, margin in percent."""
         stated = self.statement
         index = self.requirement.index
         return {
@@ -90,24 +90,24 @@ class Verdict:
 
     @property
     def value(self) -> str:
-        """The value in the unit of the limit, without it; ``-`` for none."""
+        """The value in the unit of the limit as text without the unit; ``-`` if there is none."""
         return self._show(None if self.statement is None else self.statement.value)
 
     @property
     def bound(self) -> str:
-        """The bound in the unit of the limit, without it; ``-`` for none."""
+        """The bound in the unit of the limit as text without the unit; ``-`` if there is none."""
         return self._show(None if self.statement is None else self.statement.bound)
 
     @property
     def margin(self) -> str:
-        """The margin in percent; of a bound above twice the limit, how many times the limit it is."""
+        """The margin as text, in percent; for a bound above twice the limit the bound over the limit."""
         return "-" if self.margin_percent is None else format_margin(self.margin_percent)
 
     def _show(self, value: float | None) -> str:
         return "-" if value is None or not math.isfinite(value) else f"{self.convert(value):.4g}"
 
     def as_row(self) -> tuple[str, ...]:
-        """The texts under :data:`HEADER`."""
+        """Return the row of the table under :data:`HEADER`."""
         answer = self.answer.value if self.met else self.answer.value.upper()
         limit = str(self.requirement.limit)
         return self.requirement.name, answer, self.signal, self.case, self.value, self.bound, limit, self.margin
@@ -124,6 +124,7 @@ def format_margin(percent: float) -> str:
 
 
 HEADER = ("requirement", "verdict", "signal", "run", "value", "bound", "limit", "margin")
+SIGNAL = HEADER.index("signal")
 
 
 def decide(stated: Statement, limit: float) -> Answer:
@@ -169,7 +170,7 @@ def judge(requirement: Requirement, case: str, runs: Sequence[RequirementRecord]
 def no_run(requirement: Requirement, cases: Sequence[str]) -> Verdict:
     """The verdict where none of the runs, ``cases``, has the name that the requirement asks for."""
     wanted, there = " or ".join(requirement.cases), ", ".join(cases) or "none"
-    remark = f"there is no run {wanted}; there are: {there}."
+    remark = f"there is no run {wanted}; there are: {there}"
     signal = ", ".join(requirement.signals)
     return Verdict(requirement, wanted, signal, Answer.OPEN, requirement.limit.value, None, remark)
 
@@ -178,7 +179,12 @@ def make_table(verdicts: Sequence[Verdict]) -> Table:
     """All verdicts as a table, numbers in the unit of the limit; below a verdict its remark."""
     remarks = [verdict.remark[:1].upper() + verdict.remark[1:] for verdict in verdicts]
     rows = [verdict.as_row() for verdict in verdicts]
-    return Table(f"Requirements: {summarise(verdicts)}", HEADER, rows, remarks)
+    header, owners = list(HEADER), {row[SIGNAL].strip("|").partition(".")[0] for row in rows if "." in row[SIGNAL]}
+    if len(owners) == 1 and "," not in "".join(row[SIGNAL] for row in rows):  # said once, and lines stay short
+        (owner,) = owners
+        header[SIGNAL] = f"{header[SIGNAL]} of {owner}"
+        rows = [(*row[:SIGNAL], row[SIGNAL].replace(f"{owner}.", "", 1), *row[SIGNAL + 1 :]) for row in rows]
+    return Table(f"Requirements: {summarise(verdicts)}", header, rows, remarks)
 
 
 def list_remarks(verdicts: Sequence[Verdict]) -> list[str]:

@@ -20,13 +20,13 @@ EARLY_S = 1.0
 
 
 class Observer(Protocol):
-    """Takes the rows of a run, block by block."""
+    """An object that takes the rows of a run, block by block."""
 
     def block(self, first_index: int, time: Array, values: Array) -> None:
         """Take the next rows: ``time`` (rows,) [s] and ``values`` (rows, columns).
 
-        ``first_index`` counts rows from 0, the state after initialisation.  The arrays are valid during this
-        call only: copy what is to be kept.
+        ``first_index`` counts rows from 0, the state after initialisation.  The arrays are valid during this call only:
+        copy the values that you keep.
         """
 
 

@@ -54,24 +54,24 @@ STORAGE = {"Real": ("f8", 8), "Integer": ("i4", 4), "Enumeration": ("i4", 4), "B
 
 
 class Recorder:
-    """Observer that stores columns of a run in a group of a netCDF-4 file.
+    """Store columns of a run in a group of a netCDF-4 file, as an observer.
 
-    Rows are written and flushed as they come, and each second of wall time, so that the file can be read whatever ends
-    the run.  An error or Ctrl-C loses nothing; a killed process or a full disk the rows since the last write: at most
-    those of a second, and of half as many rows as there are in the file, or a chunk.  With ``storage_step``
-    Reals are filtered before rows are left out (:class:`Decimator`), and Booleans and Integers are sampled; the group
-    ``filter`` in that of the run has the coefficients.
+    Rows are written and flushed during the run and each second of wall time, so that the file can be read after any end
+    of the run.  An error or Ctrl-C loses no rows.  A killed process or a full disk loses the rows since the last write:
+    at most one second of rows, and at most half as many rows as the file contains, or a chunk.  With ``storage_step``
+    Reals are filtered before rows are left out (:class:`Decimator`), and Booleans and Integers are sampled; the
+    subgroup ``filter`` contains the coefficients.
 
     Parameters
     ----------
-    path: file, written anew unless ``append``
+    path: the file, which is replaced unless ``append``
     run: name of the group, for example ``"passive"``
-    columns, step: those of the master, step in [s]
-    storage_step: [s], a whole multiple of ``step`` (the default)
+    columns, step: columns and communication step, s, of the master
+    storage_step: time between stored rows, s, a whole multiple of ``step``; by default ``step``
     select: names of the columns to store; by default all
     attributes: attributes of the group (numbers or text)
     append: add the group to an existing file
-    rows: how many the run will have, if that is known; it may have others
+    rows: expected number of rows, if it is known; the run may have more or fewer
 
     Raises :class:`UsageError` for arguments that do not fit, :class:`RecorderError` if the file cannot be
     written.
@@ -118,8 +118,8 @@ class Recorder:
     def block(self, first_index: int, time: Array, values: Array) -> None:
         """Take the next rows of the run.
 
-        Raises :class:`UsageError` for rows that do not follow the last ones, :class:`RecorderError` when the
-        disk is full or the file cannot be written: what was flushed before stays readable.
+        Raises :class:`UsageError` for rows that do not follow the last row, :class:`RecorderError` if the file cannot
+        be written; rows that were flushed before stay readable.
         """
         if self._seen_early is not None:  # and they are in the file
             taken, self._seen_early = max(0, self._seen_early - first_index), None
@@ -174,7 +174,7 @@ class Recorder:
         self._seen_early = None if early is None else int(early)
 
     def close(self) -> None:
-        """Write what is pending and close the file; safe to call twice.  Raises :class:`RecorderError`."""
+        """Write pending rows and close the file; a second call does nothing.  Raises :class:`RecorderError`."""
         if self._dataset is None:
             return
         self.store(*self._thinner.finish())

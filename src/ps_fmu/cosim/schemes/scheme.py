@@ -24,7 +24,7 @@ MOST = 10_000
 
 @dataclass(frozen=True)
 class Rate:
-    """A component makes ``parts`` steps in ``steps`` steps of the base; one of the two is 1."""
+    """A component makes ``parts`` steps in ``steps`` communication steps; one of the two numbers is 1."""
 
     steps: int = 1
     parts: int = 1
@@ -45,10 +45,10 @@ class Iteration:
     ----------
     method: ``"broyden"``: Newton's method with the interface Jacobian by finite differences, which is then updated by
         C. G. Broyden's formula (Math. Comput. 19, 1965) and kept from step to step; ``"newton"``: the same without
-        updates; ``"fixed-point"``: what comes out goes in
-    relative: tolerance, of the value
-    absolute: tolerance in units of the variable's nominal value, 1 where its FMU states none
-    limit: iterations in a step
+        updates; ``"fixed-point"``: the outputs become the next inputs
+    relative: tolerance relative to the value
+    absolute: tolerance relative to the nominal value of the variable, 1 if its FMU states none
+    limit: largest number of iterations per step
     """
 
     method: str = METHODS[0]
@@ -72,20 +72,20 @@ class Scheme:
 
     Parameters
     ----------
-    order: ``"jacobi"``: all see the outputs of the last communication point; ``"gauss-seidel"``: each sees what those
-        before it have just put out; ``"iterated"``: each sees what there is at the end of the step, for which loops are
-        iterated and their FMUs set back to their states (R. Kuebler, W. Schiehlen, Two methods of simulator coupling,
-        Math. Comput. Model. Dyn. Syst. 6, 2000; S. Sicklinger et al., Interface Jacobian-based co-simulation, Int. J.
-        Numer. Meth. Engng 98, 2014)
-    extrapolation: what continuous Real inputs do within a step.  ``"hold"``: they keep their value.  ``"linear"``: they
-        go on along the line through their last two values; in an iterated scheme from their value at the beginning to
-        that at the end.  ``"smoothed"``: linearly from where they were at the end of the step before to where
-        ``"linear"`` gets at the end of this one, so that they have no jumps (extrapolated interpolation: M. Busch, ZAMM
-        96, 2016).  An FMU that can interpolate (canInterpolateInputs) gets value and slope
-        (fmi2SetRealInputDerivatives, FMI 2.0.4, section 4.2.1), another one the mean over each of its steps
-    rates: steps of components in steps of the base, by name; by default 1
-    iteration: how loops are iterated, where ``order`` is ``"iterated"``
-    error_estimate: record an estimate of each component's local error, from two half steps instead of each one
+    order: ``"jacobi"``: all FMUs get the outputs at the last communication point; ``"gauss-seidel"``: an FMU gets the
+        new outputs of the FMUs before it; ``"iterated"``: an FMU gets the outputs at the end of the step, for which
+        loops are iterated and their FMUs are set back to their states (R. Kuebler, W. Schiehlen, Two methods of
+        simulator coupling, Math. Comput. Model. Dyn. Syst. 6, 2000; S. Sicklinger et al., Interface Jacobian-based
+        co-simulation, Int. J. Numer. Meth. Engng 98, 2014)
+    extrapolation: continuous Real inputs within a step.  ``"hold"``: they are constant.  ``"linear"``: they follow the
+        line through their last two values; in an iterated scheme the line from their value at the start to the value
+        at the end of the step.  ``"smoothed"``: they follow the line from their value at the end of the last step to
+        the value of ``"linear"`` at the end of this step, without jumps (extrapolated interpolation: M. Busch, ZAMM
+        96, 2016).  An FMU with canInterpolateInputs gets value and slope
+        (fmi2SetRealInputDerivatives, FMI 2.0.4, section 4.2.1), any other FMU gets the mean over each of its steps
+    rates: rates of components by name, each a ``Rate``; by default 1
+    iteration: how loops are iterated if ``order`` is ``"iterated"``
+    error_estimate: True: the local error of each component is estimated from two half steps per step, and recorded
     """
 
     order: str = ORDERS[0]
@@ -127,11 +127,11 @@ class Scheme:
         return 1 if self.extrapolation == "hold" else 2
 
     def as_dict(self) -> dict[str, Any]:
-        """As JSON knows it."""
+        """Return the scheme as values for JSON."""
         return asdict(self)
 
     def get_rate(self, component: str) -> Rate:
-        """The rate of a component."""
+        """Return the rate of a component."""
         return self.rates.get(component, Rate())
 
 

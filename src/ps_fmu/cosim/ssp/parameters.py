@@ -14,11 +14,11 @@ from .rules import check_element, check_version, get_only_child, get_type, read_
 
 
 def read_parameters(path: Path) -> ParameterSet:
-    """Values of an SSV file by name: a mapping to float, int, bool or str.
+    """Read the values of an SSV file: a mapping from name to float, int, bool or str.
 
-    For :meth:`System.with_parameters` the names read ``component.parameter``. Raises
-    :class:`SystemFileError` with file and line: not an SSV file, a value that is not of its type or not
-    finite, a type that FMI 2.0 has not, a name that occurs twice.
+    For :meth:`System.with_parameters` the names are ``component.parameter``.  Raises :class:`SystemFileError`, with
+    file and line, if the file is not SSV, if a value is not finite or not of its type, if FMI 2.0 does not define the
+    type, if a name occurs twice.
     """
     path = Path(path)
     return read_parameter_set(read_xml(path), path)

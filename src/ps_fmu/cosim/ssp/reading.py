@@ -39,15 +39,15 @@ def read_system(
     ----------
     path: an ``.ssd`` file, an ``.ssp`` archive, libcosim's ``OspSystemStructure.xml`` (any name that ends with
         ``.xml``), or a folder that holds ``SystemStructure.ssd`` or ``OspSystemStructure.xml``
-    resources: folder with the FMUs, found by file name; those that are not there, and by default all, lie where the
-        description says
-    outside: whether sources may lie outside of the folder of the description, or of the archive
-    lenient: whether bindings may give values to variables that are not there, as in SSP: ``remarks`` of the system name
-        them.  Otherwise they are refused, here or when the FMUs are opened: most are misspelt
-    values: parameter sets that outrank all bindings; their names are hierarchical, as in a binding of the whole system
+    resources: folder with the FMUs, found by file name; by default, and for FMUs that are not in it, the description
+        gives the place
+    outside: True: sources may lie outside of the folder of the description, or of the archive
+    lenient: True: bindings may set variables that do not exist, as SSP allows; ``remarks`` of the system names these
+        variables.  False: such a binding is refused, here or when the FMUs are opened, since most are misspelt
+    values: parameter sets that override all bindings, with names as in a binding of the whole system
 
-    Raises :class:`SystemFileError`, with file and line: not SSP, an element that cannot be honoured, a name that occurs
-    twice or is malformed, a source that is missing or leaves the folder of the description.
+    Raises :class:`SystemFileError`, with file and line, if the file is not SSP, if an element cannot be used, if a name
+    occurs twice or is malformed, if a source is missing or lies outside of the folder of the description.
     """
     path = Path(path)
     sources = Sources(Path(resources) if resources is not None else None, outside, lenient)

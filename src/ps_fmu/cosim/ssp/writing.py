@@ -34,12 +34,13 @@ _PLAIN = re.compile(r"[A-Za-z0-9_.-]+")
 def write_ssp(system: System, output: Path) -> tuple[str, ...]:
     """Write a system, see :func:`read_system`, into the file ``output``; the same system gives the same bytes.
 
-    Files that text parameters name are packed into the FMUs; returns a line for each that cannot be.
+    Files that text parameters name are packed into the FMUs.  Returns a line of text for each file that cannot be
+    packed.
 
     Raises
     ------
     WiringError, SystemFileError: the parts do not fit together, or an FMU cannot be read.
-    UsageError: the system states no step or stop time, which libcosim cannot do without.
+    UsageError: the system states no step or stop time, which libcosim needs.
     OSError: the file cannot be written.
     """
     step, stop_time = system.experiment.step, system.experiment.stop_time

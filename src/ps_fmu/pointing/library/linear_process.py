@@ -38,10 +38,9 @@ _STABLE = 1e-12  # how far inside the unit circle the others have to be
 
 @dataclass(frozen=True, eq=False)
 class LinearProcess:
-    """A vector error e, the output of a discrete linear system under white noise.
+    """A vector error e that is the output of a discrete linear system driven by white noise.
 
-    Raises ``ValueError`` for shapes that do not fit, and for a system that is neither stable nor has simple
-    integrators beside stable states.
+    Raises ``ValueError`` for shapes that do not fit, and unless all states are stable or simple integrators.
     """
 
     A: Array  # (n, n)
@@ -68,7 +67,7 @@ class LinearProcess:
 
     @property
     def output_covariance(self) -> Array:
-        """(signals, signals), unit^2, of the output noise; zeros without one."""
+        """Covariance of the output noise, (signals, signals), unit^2; zeros without output noise."""
         return np.zeros((len(self.C), len(self.C))) if self.output_noise is None else self.output_noise
 
     @cached_property
@@ -84,16 +83,15 @@ class LinearProcess:
         return _lyapunov(self.A, self.noise)
 
     def autocovariance(self, lags: int) -> Array:
-        """R_m = E(e[k+m] e[k]^T) for m = 0 ... lags - 1: (lags, signals, signals), unit^2."""
+        """Return R_m = E(e[k+m] e[k]^T) for m = 0 ... lags - 1, (lags, signals, signals), unit^2."""
         return np.concatenate(list(self._autocovariances(lags)))
 
     def covariance(self, index: PointingIndex) -> Array:
-        """Covariance (signals, signals), unit^2, of an index of the samples.
+        """Return the covariance of an index of the samples, (signals, signals), unit^2.
 
-        The error of the result is that of rounding: of the sums, 1e-15 of the covariance of e itself (with integrators,
-        of its increments over the window), and of P, which grows as poles come near the unit circle.  Raises
-        ``ValueError`` for a window that is not a whole number of steps, and for integrators under an index that keeps
-        a bias.
+        The result is exact to rounding.  Rounding of the sums is 1e-15 of the covariance of e (with integrators: of the
+        increments of e over the window); rounding of P grows as poles approach the unit circle.  Raises ``ValueError``
+        for a window that is not a whole number of steps, and for a system with integrators if the index keeps a bias.
         """
         count = index.count(self.step)
         if self.integrates and index.keeps_bias:
@@ -111,13 +109,13 @@ class LinearProcess:
         return -total if self.integrates else total
 
     def variance(self, index: PointingIndex) -> Array:
-        """(signals,), unit^2: the diagonal of :meth:`covariance`."""
+        """Return the diagonal of :meth:`covariance`, (signals,), unit^2."""
         return np.asarray(np.diag(self.covariance(index)).copy())
 
     def psd(self, frequency: ArrayLike) -> Array:
-        """One-sided density matrix, its real part: (k, signals, signals), unit^2/Hz, at frequencies (k,), Hz.
+        """Return the real part of the one-sided density matrix, (k, signals, signals), unit^2/Hz, at (k,) Hz.
 
-        For integrators it is that of 1/f^2 noise, and there is none at 0 Hz.
+        Integrators give 1/f^2 noise, whose density at 0 Hz does not exist.
         """
         z = np.exp(2j * np.pi * self.step * np.asarray(frequency, dtype=float))
         resolvent = np.linalg.solve(z[:, None, None] * np.eye(len(self.A)) - self.A, np.eye(len(self.A)))

@@ -56,8 +56,9 @@ class Element(ABC):
 class Sample(Element):
     """At each multiple of the period (s), from the first step on: target <- source.
 
-    A step takes the sample that falls into it, or the last of several, at its start; one at its very end is the next
-    step's.  ``clock`` is a number of memory of its own, 0 at the start: the part of a period since the last sample.
+    A step takes a sample time within it, or the last of several, at the start of the step; a sample time at the end of
+    a step belongs to the next step.  ``clock``: one number of the memory, 0 at the start, for the part of a period
+    since the last sample.
     """
 
     source: Operand
@@ -75,11 +76,11 @@ class Sample(Element):
 
 @dataclass(frozen=True, eq=False)
 class Hold(Element):
-    """Sample and hold: at each multiple of the period (s), but for the start, the values are taken, and stay.
+    """Sample and hold: values are taken at each multiple of the period (s) after the start, and held.
 
-    A step into which one falls takes the values at its end; one at its very start was the last step's.  ``kept`` is
-    memory for the values, ``clock`` one number of memory of its own: the part of a period since they were taken.  Both
-    are 0 at the start, and so are the values until the end of the first period.
+    A step with a sample time within it takes the values at its end; a sample time at the start of a step belongs to the
+    last step.  ``kept``: memory for the values.  ``clock``: one number of the memory, for the part of a period since
+    the last sample.  Both are 0 at the start, so the values are 0 until the end of the first period.
     """
 
     values: Operand
@@ -120,7 +121,7 @@ class Ramp(Element):
 
 @dataclass(frozen=True, eq=False)
 class Product(Element):
-    """target[k] <- first[k] * second[k], one after the other."""
+    """target[k] <- first[k] * second[k], in the order of k."""
 
     first: Operand
     second: Operand
@@ -204,7 +205,7 @@ class Sine(Element):
 
 @dataclass(frozen=True, eq=False)
 class Quantise(Element):
-    """values <- the nearest whole multiple of the resolution, of two the even one.  A resolution of 0: unchanged."""
+    """values <- the nearest whole multiple of the resolution (half-way: the even multiple); resolution 0: unchanged."""
 
     values: Operand
     resolution: ArrayLike
@@ -220,7 +221,7 @@ class Quantise(Element):
 
 @dataclass(frozen=True, eq=False)
 class Delay(Element):
-    """values <- the newest values that were there at least ``delay`` (s) ago; those before the start are 0.
+    """values <- the newest values that are at least ``delay`` (s) old; values before the start are 0.
 
     A step's values are those at its end.  With ``sampled`` they came with that element's last sample, or at the start
     of a step without one: behind a :class:`Sample` the step is a part of the delay.  ``ring`` is memory of
@@ -263,11 +264,10 @@ def put_before_start(ring: Array, values: Array) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Watch(Element):
-    """Makes ``event`` due when a value is further than ``distance`` from ``centre``.
+    """Make ``event`` due when a value is further than ``distance`` from ``centre``.
 
-    Before the map: due before this very step.  After it: before the next one.  With ``last``, memory for the values, it
-    is also due when the values have come to rest, that is equal those of the last step, further than ``least`` from the
-    centre.
+    Before the map the event is due before this step; after the map it is due before the next step.  With ``last``,
+    memory for the values, it is also due when the values stop changing at more than ``least`` from the centre.
     """
 
     values: Operand
@@ -288,9 +288,9 @@ class Watch(Element):
 
 @dataclass(frozen=True, eq=False)
 class Count(Element):
-    """target <- how often |values| have risen above ``above`` since the start, each of its own or all together.
+    """target <- number of times that |values| rose above ``above`` since the start, per value or in total.
 
-    ``kept`` is memory for 2 n numbers: whether each value is above, and how often it rose.  0 at the start.
+    ``kept``: memory for 2 n numbers, 0 at the start: for each value whether it is above, and how often it rose.
     """
 
     values: Operand

@@ -59,31 +59,32 @@ class Model(Fmi2Slave):
     memory: Array
 
     def configure(self) -> None:
-        """Build the model from parameters and present inputs; set x, a, memory and whatever is derived.
+        """Build the model from parameters and present inputs; set x, a, memory and derived values.
 
-        Called in initialisation mode, again whenever something was set since: must be idempotent.
+        It is called in initialisation mode, and again after a value is set there: a second call must give the same
+            result.
 
         Raises
         ------
-        ModelError: a parameter or input is impossible; the text names it.
+        ModelError: a parameter or input is impossible; the message names it.
         """
 
     def output_map(self) -> Array | None:
-        """Outputs at once from [x; u; a], shape (ny, nx + nu + na); None: ``configure`` has set y itself.
+        """Return the map from [x; u; a] to the outputs, (ny, nx + nu + na); None: ``configure`` sets y itself.
 
         May have fewer columns: the last operands are then not used.
         """
         return None
 
     def step_map(self, h: float) -> Array:
-        """One step of size h (s), shape (ny + nx, nx + nu + na + nr).  Cached by h until ``remap()``.
+        """Return the matrix of a step of size h, s, (ny + nx, nx + nu + na + nr).  It is cached by h until ``remap()``.
 
         May have fewer columns: the last operands are then not used.  An operand that is 0 costs nothing.
         """
         raise NotImplementedError(f"{type(self).__name__} has neither step_map nor block_rows")
 
     def split_map(self, h: float) -> tuple[Array, Array] | None:
-        """The same step as two matrices with more zeros, which cost nothing; None: ``step_map`` is used.
+        """Return the same step as two matrices with more zeros, which cost no time; None: ``step_map`` is used.
 
         First x <- states @ [x; u; a; r], then y <- outputs @ [x; u; a; r] from the new x.  Shapes as the parts of
         ``step_map``.  Asked for in its place, and with it equal but for rounding.
@@ -91,7 +92,7 @@ class Model(Fmi2Slave):
         return None
 
     def before_map(self, h: float) -> Sequence[Element]:
-        """What a step of size h (s) does before the map, in this order; see :mod:`.elements`.
+        """Return the elements of a step of size h, s, before the map, in this order; see :mod:`.elements`.
 
         Asked together with ``step_map``.  It may read all of the buffer: r of this step, y of the last one.
         What it writes to x, a and memory is there for the map.
@@ -101,11 +102,11 @@ class Model(Fmi2Slave):
         return ()
 
     def after_map(self, h: float) -> Sequence[Element]:
-        """What a step of size h (s) does to its results after the map, before ``limits``."""
+        """Return the elements of a step of size h, s, after the map and before ``limits``."""
         return ()
 
     def event(self, t: float, h: float) -> bool:
-        """Before the step from t to t + h (s), if an event input has changed or the last event asked for it.
+        """Handle an event before the step from t to t + h, s: an event input changed, or an event is due.
 
         Returns True to be called again before the next step.  If it raises, the step is refused, everything
         in the buffer is as before, :meth:`restore` is called, and the event stays due.
@@ -113,7 +114,7 @@ class Model(Fmi2Slave):
         return False
 
     def rows(self, t: float, h: float, n: int) -> Array | RowParts:
-        """Outputs, or r, of the steps that end at t + h, ..., t + n h (s), shape (n, ny) or (n, n_row).
+        """Return outputs (n, ny), or r (n, n_row), of the steps that end at t + h, ..., t + n h, s.
 
         A function of its arguments, parameters and memory alone.  The same row must not depend on the table
         it comes in: take the times from :meth:`.tables.Tables.times`.  At most 256 are asked for at a time; a generator
@@ -133,7 +134,7 @@ class Model(Fmi2Slave):
         return self.block_rows
 
     def limits(self) -> tuple[Array, Array] | None:
-        """Lowest and highest values of y at the end of a step, each (ny,), -inf and inf where there is no limit.
+        """Return lowest and highest values of y at the end of a step, each (ny,); -inf and inf: no limit.
 
         Results beyond them are held there.  Asked for with each new map and table; None: no limits at all.
         """

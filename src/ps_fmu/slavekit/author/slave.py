@@ -214,11 +214,11 @@ class Slave(Stepper):
     # --- Messages -----------------------------------------------------------------------
 
     def warning(self, text: str) -> None:
-        """Tell the host about something that the user should know."""
+        """Send a warning to the host."""
         self.log(f"{self.label}: {text}", Fmi2Status.warning)
 
     def error(self, text: str) -> None:
-        """Tell the host about an error; also on stderr, since hosts may have logging off."""
+        """Send an error to the host, and write it to stderr, since hosts may have logging off."""
         self.log(report(f"{self.label}: {text}"), Fmi2Status.error)
 
     def log(self, msg: str, status: Fmi2Status = Fmi2Status.ok, category: str | None = None, debug: Any = None) -> None:

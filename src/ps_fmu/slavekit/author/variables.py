@@ -31,20 +31,17 @@ class Port:
     name: structured name without brackets, for example ``base_force.x`` or ``fine_force_1``.
     causality: ``"input"``, ``"output"`` or ``"parameter"`` (parameters are fixed: set before or in
         initialisation mode).
-    unit: name of a coherent SI unit as in :mod:`.units`; only for Real.
+    unit: name of a coherent SI unit of :mod:`.units`; only for Real.
     description: one line that names the frame.
     type: FMI type.
     start: start value of inputs and parameters (outputs have none: they are calculated).
     min, max: smallest and largest value; enforced on inputs and parameters.
-    nominal: magnitude for tools that scale; only for Real.
+    nominal: typical magnitude, for tools that scale values; only for Real.
     display_unit: one of ``units.DISPLAY_UNITS[unit]``.
-    event: this input is handled by ``Slave.event``, not by the linear map.  Inputs that are not Real always
-        are.
-    depends_on: inputs that this output depends on at the same communication point.  Outputs are latched at
-        the end
-        of doStep, so normally none.
-    initially_depends_on: inputs and parameters that this output depends on in initialisation mode; None: on
-        all.
+    event: True: ``Slave.event`` handles this input, not the linear map.  It handles all inputs that are not Real.
+    depends_on: inputs that this output depends on at the same communication point; normally none, since outputs are
+        latched at the end of doStep.
+    initially_depends_on: inputs and parameters that this output depends on in initialisation mode; None: all of them.
     """
 
     name: str
@@ -111,9 +108,9 @@ class Port:
         return self.start
 
     def checked(self, value: Any) -> Value:
-        """``value`` as this port's type.
+        """Convert ``value`` to the type of this port.
 
-        Raises ValueError, naming port, value and what is allowed.
+        Raises ValueError with port, value and allowed values.
         """
         if self.type == "String":
             if not isinstance(value, str) or "\0" in value:
@@ -152,8 +149,8 @@ def vector(
 ) -> tuple[Port, ...]:
     """Ports ``name.suffix``: ``vector("base_force", "xyz", "N", "Force in B", causality="input")``.
 
-    Further attributes are those of :class:`Port`; a list or tuple for start, min, max or nominal has one
-    entry per suffix.
+    Further arguments are attributes of :class:`Port`; a list or tuple for start, min, max or nominal contains an entry
+    per suffix.
     """
     return _make_ports([(f"{name}.{suffix}", suffix) for suffix in suffixes], unit, description, attributes)
 
