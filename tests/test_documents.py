@@ -6,6 +6,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
+from fmpy import read_model_description
 from support.browser import INSTALL, Browser, find_browser
 from support.models import load_script
 
@@ -123,3 +124,30 @@ def test_the_architecture_names_each_package():
     packages = [path.parent.name for path in (ROOT / "src" / "ps_fmu").glob("*/__init__.py")]
     assert len(packages) > 15
     assert [name for name in packages if f"`{name}`" not in text] == []
+
+
+def test_the_tables_of_systems_and_signals_are_those_of_the_files(built_fmus):
+    """docs/words.md: components and high-pass frequency of each .ssd file; signals are outputs of the plant."""
+    text = (ROOT / "docs" / "words.md").read_text(encoding="utf-8")
+    isolator, plant = (read_model_description(built_fmus / f"{name}.fmu").modelVariables
+                       for name in ("FeedforwardIsolator", "ManipulatorPlant"))  # fmt: skip
+    (default,) = [one.start for one in isolator if one.name == "filters.highpass_frequency"]
+    listed = re.findall(r"^\| `(\w+\.ssd)` \| (\S+) \| (\S+) \| (\S+) \| (\S+) Hz \|", text, re.MULTILINE)
+    assert sorted(name for name, *_ in listed) == sorted(path.name for path in (ROOT / "system").glob("*.ssd"))
+    for name, *marks, frequency in listed:
+        system = (ROOT / "system" / name).read_text(encoding="utf-8")
+        there = [f'<ssd:Component name="{component}"' in system for component in ("sensors", "coils", "pointing")]
+        assert [mark == "yes" for mark in marks] == there, name
+        (stated,) = re.findall(r'highpass_frequency"><ssv:Real value="(\S+)"', system) or [default]
+        assert float(frequency) == float(stated), name
+    outputs = {re.split(r"\.|_\d$", one.name)[0] for one in plant if one.causality == "output"}
+    signals = re.findall(r"^\| `(\w+)` \| .* (?:yes|no|relative|only this) \|", text, re.MULTILINE)
+    assert len(signals) == 9 and set(signals) <= outputs
+
+
+def test_the_tutorial_of_ones_own_instrument_is_short():
+    """Lines of the files and commands that are typed, from nothing to verdict, budget, study and own controller."""
+    text = (ROOT / "docs" / "tutorials" / "plot_2_my_instrument.py").read_text(encoding="utf-8")
+    files = re.findall(r'write\(\s*"[\w.]+",\s*"""\n(.*?)"""', text, re.DOTALL)
+    commands = re.findall(r"^run\(", text, re.MULTILINE)
+    assert len(files) == 4 and 50 < sum(file.count("\n") for file in files) + len(commands) < 60

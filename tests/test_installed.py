@@ -196,7 +196,7 @@ def test_a_run_a_parameter_file_and_an_archive(installed, built_fmus):
 def test_reference_runs_are_not_written_among_the_installed_files(installed):
     refused = installed("ps-fmu", "crosscheck", "--write")
     assert (refused.returncode, refused.stdout) == (1, "")
-    assert "--write: say with --references where to write" in refused.stderr
+    assert "--write: name the folder to write into with --references" in refused.stderr
 
 
 def test_an_analysis(installed):

@@ -17,6 +17,7 @@ from support.claims import verify_claim
 
 import ps_fmu
 from ps_fmu import simulation
+from ps_fmu.cli import main
 from ps_fmu.cosim import CosimError, read_parameters
 from ps_fmu.cosim.isolation.instance import Isolation
 from ps_fmu.pointing import AbsoluteError, DriftError, MeanError, RelativeError, ResidualJitter
@@ -269,6 +270,24 @@ def test_files_and_systems_of_the_product_by_name(taken, built_fmus):
     assert (options.scenario.name, options.duration_s) == ("table2", options.scenario.duration_s)
 
 
+def test_an_instrument_gives_the_rows_of_its_start_values(tmp_path, built_fmus):
+    """As the command writes them; parameters win, and of a session the last ones."""
+    source, path = tmp_path / "mine.toml", tmp_path / "mine.ssv"
+    source.write_text('base = "paper"\n[manipulator]\nnominal_translation_B = [0.0, 0.0, 0.2]\n'
+                      "[payload]\nmass = 20.0\n[start.isolator]\ndelay = 0.002\n")  # fmt: skip
+    assert main(["parameters", str(source), "--output", str(path), "--fmus", str(built_fmus)]) == 0
+    expected = simulate(parameter_files=[path], parameters={"isolator.delay": 0.001}, **SHORT)
+    with Session(instrument=source, **SHORT) as session:
+        assert session.get_start("isolator.payload.mass") == 20.0
+        found = session.run({"isolator.delay": 0.001})
+        assert found.active.equals(expected.active) and found.passive.equals(expected.passive)
+        assert not session.run().active.equals(expected.active)
+    assert any("deg of yaw, the published one" in text for text in found.summary["warnings"])
+    source.write_text('base = "paper"\n[payload]\nmas = 20.0\n')
+    with pytest.raises(OptionError, match=r"--instrument: .*mine\.toml: payload\.mas: unknown; did you mean mass"):
+        simulate(instrument=source, **SHORT)
+
+
 def test_all_arguments_arrive(taken, tmp_path):
     named = {"duration": 2.0, "step": 1e-3, "seed": 5, "storage_step": 0.01, "scheme": "gauss-seidel"}
     recorded = tmp_path / "recorded.csv"
@@ -360,7 +379,7 @@ def test_single_cases_of_a_session(session):
     assert "plant.payload_rotation.x (rad)" in repr(one) and "<td>active</td>" in one._repr_html_()
     with pytest.raises(OptionError, match="cases: there is no 'activ'; did you mean active"):
         session.run(cases=["activ"])
-    with pytest.raises(OptionError, match="cases: the scenario table2 needs all of its cases"):
+    with pytest.raises(OptionError, match="cases: the scenario table2 always runs all of its cases"):
         simulate("table2", cases=["a"], **SHORT)
 
 

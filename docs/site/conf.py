@@ -104,7 +104,6 @@ html_theme_options = {
 # --- Links ---------------------------------------------------------------------------------
 
 nitpicky = True
-nitpick_ignore = [("py:class", "Mapping[str"), ("py:class", "RowParts")]  # cut by Sphinx; of a class of the slave
 linkcheck_timeout = 20
 linkcheck_anchors = False
 linkcheck_ignore = [re.escape("https://doi.org/") + ".*"]  # publishers refuse programs

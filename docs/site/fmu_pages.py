@@ -20,15 +20,14 @@ GROUPS = {
 }
 COLUMNS = {
     "name": "Name",
-    "full": "Name in a system",
     "type": "Type",
     "variability": "Variability",
     "unit": "Unit",
     "start": "Start",
-    "min": "Min",
-    "max": "Max",
+    "range": "Range",
     "description": "Description",
 }
+USUAL = {"type": "Real", "variability": "continuous"}  # a column of nothing else is left out
 LEAST = 4  # parameters of a table of their own
 ICON = "icon.png"
 
@@ -62,8 +61,9 @@ def describe(description: Element, terminals: Element | None, component: str) ->
     yield "## Variables"
     yield ""
     yield (
-        "Parameter files, requirements and `--observe` take the name in a system. Parameters are fixed: set them "
-        "before the initialisation ends. Numbers are rounded to six digits; `modelDescription.xml` has all digits."
+        f"Parameter files, requirements and `--observe` take these names; the FMU has them without `{component}.` "
+        "Parameters are fixed: set them before the initialisation ends. A table without type or variability has "
+        "continuous Reals. Numbers are rounded to six digits; `modelDescription.xml` has all digits."
     )
     yield ""
     variables = [
@@ -75,7 +75,7 @@ def describe(description: Element, terminals: Element | None, component: str) ->
         if rows:
             yield from (f"### {title}", "")
         for name, group in tables.items():
-            columns = [key for key in COLUMNS if any(variable[key] for variable in group)]
+            columns = [key for key in COLUMNS if any(row[key] not in ("", USUAL.get(key)) for row in group)]
             yield from (f"#### {name}", "") if name else ()
             yield from _write_table([COLUMNS[key] for key in columns], ([row[key] for key in columns] for row in group))
     if terminals is not None:
@@ -90,7 +90,7 @@ def describe(description: Element, terminals: Element | None, component: str) ->
 
 def _group(rows: Sequence[dict[str, str]]) -> dict[str, list[dict[str, str]]]:
     """Parameters by the first part of their names without its number; few of a kind are among the others."""
-    kinds = [re.match(r"`(.*?)(_\d+)?[.`]", row["name"])[1] for row in rows]  # type: ignore[index]  # it always matches
+    kinds = [re.match(r"`\w+\.(.*?)(_\d+)?[.`]", row["name"])[1] for row in rows]  # type: ignore[index]  # it always matches
     names = [kind if kinds.count(kind) >= LEAST else "Others" for kind in kinds]
     order = sorted(set(names), key=lambda name: (name == "Others", names.index(name)))
     return {name: [row for row, kind in zip(rows, names, strict=True) if kind == name] for name in order}
@@ -110,13 +110,14 @@ def _list_facts(description: Element) -> list[tuple[str, str]]:
 
 def _read_variable(variable: Element, component: str) -> dict[str, str]:
     kind = variable[0]
-    row = {**dict.fromkeys(COLUMNS, ""), **variable.attrib, **kind.attrib, "type": kind.tag}
+    row = {**dict.fromkeys((*COLUMNS, "min", "max"), ""), **variable.attrib, **kind.attrib, "type": kind.tag}
     for key in ("start", "min", "max"):
         if row[key] and kind.tag == "Real":
             row[key] = f"{float(row[key]):.6g}"
-    name = variable.get("name")
+    ends = [row["min"] and f"{row['min']} or more", row["max"] and f"{row['max']} or less"]
+    row["range"] = f"{row['min']} to {row['max']}" if all(ends) else "".join(ends)
     variability = "" if row["causality"] == "parameter" else row["variability"]
-    return row | {"name": f"`{name}`", "full": f"`{component}.{name}`", "variability": variability}
+    return row | {"name": f"`{component}.{variable.get('name')}`", "variability": variability}
 
 
 def _write_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> Iterator[str]:

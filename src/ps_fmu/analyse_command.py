@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 
 _OPTIONS: dict[str, dict[str, Any]] = {
     "requirements": {"type": Path, "metavar": "F.toml", "help": "default: requirements.toml of ps_fmu"},
+    "disturbance": {
+        "type": Path, "metavar": "FILE.csv", "help": "recorded force and torque on the bus in place of the noise",
+    },
     "uncertainty": {
         "type": float, "nargs": "+", "default": [], "metavar": "X",
         "help": "factors on the amplitude and between them the limits of their bands in Hz: 2 10 1.5 50 1.2",
@@ -90,7 +93,7 @@ def _analyse(analysis: Analysis, arguments: argparse.Namespace, output: Path) ->
     progress = sys.stderr is not None and sys.stderr.isatty()
     options = _read_options(arguments, output, fmus, system, progress)
     others = system.resolve() != (product.system / analysis.system).resolve()
-    own = bool(options.parameters or options.replace) or others
+    own = bool(options.parameters or options.replace or options.disturbance) or others
     result = analysis.load(own=own)(options)
     result.write(output)
     return result
@@ -116,5 +119,6 @@ def _read_options(
         replace=read_replacements(getattr(arguments, "replace", ())),
         parameters=tuple(find_file(path) for path in getattr(arguments, "parameters", ())),
         requirements=None if requirements is None else find_file(requirements),
+        disturbance=getattr(arguments, "disturbance", None),
         uncertainty=tuple(getattr(arguments, "uncertainty", ())),
     )

@@ -134,15 +134,18 @@ def _add_build(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         "build",
         help="build FMUs from Python slaves",
         description="Build an FMU from a script with a pythonfmu.Fmi2Slave, or without a script the FMUs of ps_fmu.  "
-        "This runs the code of the slave.",
+        "The command runs the code of the slave.",
     )
-    build.add_argument("script", type=Path, nargs="?", metavar="SLAVE.py", help="modules beside it go with it")
+    build.add_argument(
+        "script", type=Path, nargs="?", metavar="SLAVE.py",
+        help="Python file of the slave; modules beside it go into the FMU",
+    )  # fmt: skip
     build.add_argument("files", type=Path, nargs="*", metavar="FILE", help="other files and folders that it needs")
     build.add_argument(
         "--output", type=read_output, metavar="DIR", help="default: build/fmus, for a script the current folder"
     )
     build.add_argument(
-        "--only", action="append", default=[], metavar="NAME", help="one of their folders; may be repeated"
+        "--only", action="append", default=[], metavar="NAME", help="build only the FMU of this folder; may be repeated"
     )
     build.add_argument(
         "--fmus", type=Path, metavar="DIR", help="folder of the sources (default: those of ps_fmu)"
@@ -156,10 +159,10 @@ def _add_python_options(parser: argparse.ArgumentParser) -> None:
         "--interpreter",
         type=Path,
         metavar="PYTHON",
-        help="note this Python in the FMU, for hosts that do not run one; ties the FMU to this machine",
+        help="write the path of this Python into the FMU, for hosts without Python; it then runs on this machine only",
     )
     parser.add_argument(
-        "--bundle", action="store_true", help="put a Python into the FMU, with the packages it needs (8 to 60 MB)"
+        "--bundle", action="store_true", help="put a Python and the packages of the slave into the FMU (8 to 60 MB)"
     )
 
 
@@ -172,7 +175,7 @@ def _build(options: argparse.Namespace) -> int:
     try:
         if options.script is not None:
             if options.only or options.fmus is not None:
-                raise BuildError("a script and --only or --fmus exclude each other")
+                raise BuildError("expected either a script, or --only and --fmus")
             _print_fmu(*build_script(options.script, options.files, options.output or Path(), **python))
             return EXIT_OK
         for folder in find_folders(options.fmus or find_product().fmus, options.only):
@@ -186,7 +189,7 @@ def _build(options: argparse.Namespace) -> int:
 def _add_wrap(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     wrap = commands.add_parser(
         "wrap",
-        help="have an FMU of pythonfmu load anywhere",
+        help="make an FMU of pythonfmu load in any host",
         description="Put the launcher in front of an FMU that 'pythonfmu build' has made: it then loads in hosts that "
         "do not run Python.  This runs the code of the FMU.",
     )
@@ -218,9 +221,9 @@ def _add_check(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     check = commands.add_parser(
         "check",
         help="check FMU files of any maker",
-        description="Check archive, model description and behaviour of FMUs.  This loads the library of the FMU and "
-        "runs its code, which can do all that you can.  With --no-run its files are read and nothing of it runs.  "
-        "Exit code 1 if any check FAILED; a warning is no failure.",
+        description="Check archive, model description and behaviour of FMUs.  The command loads the library of each "
+        "FMU and runs its code with your rights.  With --no-run it only reads the files.  The exit code is 1 if a "
+        "check FAILED; a warning is no failure.",
     )
     check.add_argument("--no-run", action="store_true", help="check archive and model description only; run no code")
     check.add_argument("fmus", type=Path, nargs="+", metavar="FMU")
@@ -262,7 +265,7 @@ def _crosscheck(options: argparse.Namespace) -> int:
     failed = False
     try:
         if options.write and options.references is None and not find_product().in_checkout:
-            raise BuildError("--write: say with --references where to write")
+            raise BuildError("--write: name the folder to write into with --references")
         references = crosscheck.find_references(options.references or find_product().fmus)
         fmus = options.fmus or find_built_folder()
         if options.fmus is None:

@@ -17,14 +17,14 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         help="judge stored results by requirements",
         description="Judge the rows of one or more results.nc by requirements.  Several files are members of an "
         "ensemble: runs that differ in their seed.  Rows that were stored further apart than the steps of the run have "
-        "a smaller bandwidth; run.py --requirements judges every step.  Exit code 1 unless all requirements are shown "
-        "to be met.",
+        "a smaller bandwidth; ps-fmu run --requirements judges every step.  The exit code is 1 unless all "
+        "requirements are met.",
     )
     parser.add_argument("results", type=Path, nargs="+", metavar="RESULTS.nc")
     parser.add_argument(
-        "--requirements", type=Path, required=True, metavar="F.toml", help="own file, or one of ps_fmu by its name"
+        "--requirements", type=Path, required=True, metavar="F.toml", help="your file, or one of ps_fmu by name"
     )
-    parser.add_argument("--output", type=read_output, metavar="F.json", help="write the verdicts into this file, too")
+    parser.add_argument("--output", type=read_output, metavar="F.json", help="also write the verdicts into this file")
     parser.set_defaults(run=run)
 
 

@@ -247,4 +247,4 @@ def write_values(path: Path, values: Mapping[str, Value], resume: bool) -> None:
     if not resume:
         write_atomically(path, content)
     elif not path.is_file() or path.read_bytes() != content:
-        raise OptionError(f"parameters: the run in {path.parent} was begun with others: give those, or run it anew")
+        raise OptionError(f"parameters: the run in {path.parent} began with others: give those, or start the run again")

@@ -32,7 +32,7 @@ from .terminal import read_output, reason
 ABOUT = (
     "Run a scenario of the pointing manipulator, or any system of FMUs (FMI 2.0, co-simulation): an SSP archive, a "
     "system structure description, libcosim's OspSystemStructure.xml, a folder with one of these, or a single FMU.  "
-    "This loads the libraries of the FMUs and runs their code, which can do all that you can."
+    "The command loads the libraries of the FMUs and runs their code with your rights."
 )
 _NOT_GIVEN = (
     *("run", "what", "output", "resume", "isolate", "isolate_only"),
@@ -53,8 +53,8 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
     p.usage = "%(prog)s [SCENARIO | SYSTEM.ssp|.ssd|.xml | FMU.fmu] [options]   (--help lists them)"
     p.epilog = (
         f"scenarios and their defaults:\n{listing}\n\n"
-        "any other system: what is not given is its default experiment, or that of its FMUs; each step is stored.\n\n"
-        "files of ps_fmu that are taken by name, where no file of yours has it:\n"
+        "any other system: times that you do not give are those of its default experiment, or of its FMUs; each step "
+        "is stored.\n\nfiles of ps_fmu that you can give by name:\n"
         + "\n".join(f"  {name}" for name in list_system_files())
         + "\n\nexamples:\n"
         "  %(prog)s isolation --duration 60 --requirements requirements.toml\n"
@@ -63,7 +63,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
     )
     p.add_argument(
         "what", nargs="?", default="isolation", metavar="SCENARIO|SYSTEM",
-        help="a scenario, one of those below (%(default)s), or a file or folder: any other system",
+        help="name of a scenario in the list below (%(default)s), or file or folder of any other system",
     )  # fmt: skip
     _add_what(p.add_argument_group("what is run"))
     _add_times(p.add_argument_group("time"))
@@ -73,7 +73,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
     add_checkpoint_options(robust)
     robust.add_argument(
         "--resume", type=read_output, metavar="DIR",
-        help="go on with the run whose results are in DIR, from its last checkpoint, with the options that it has",
+        help="continue the run whose results are in DIR from its last checkpoint, with the same options",
     )  # fmt: skip
     _add_results(p.add_argument_group("results"))
     add_scheme_options(p)
@@ -83,8 +83,9 @@ def _add_what(group: argparse._ArgumentGroup) -> None:
     system = group.add_mutually_exclusive_group()
     add_system_options(system, "system", default="that of the scenario")
     system.add_argument(
-        "--ssp", dest="system", type=Path, metavar="FILE.ssp", help="the same with its FMUs, made by ps-fmu ssp"
-    )
+        "--ssp", dest="system", type=Path, metavar="FILE.ssp",
+        help="archive with the system and its FMUs, as ps-fmu ssp writes it",
+    )  # fmt: skip
     group.add_argument(
         "--instrument", type=Path, metavar="F.toml",
         help="your payload, mechanism and bus: all FMUs start with their values; --parameters win",
@@ -92,8 +93,8 @@ def _add_what(group: argparse._ArgumentGroup) -> None:
     add_system_options(group, "parameters", "replace", "fmus", parameters="parameter_files")
     group.add_argument(
         "--apart", nargs="+", action="extend", default=[], metavar="NAME",
-        help="parameters, or beginnings of their names such as isolator.payload, that differ from the plant's on "
-        "purpose: no warning",
+        help="do not warn that these parameters differ from those of the plant; a NAME may be the beginning of others, "
+        "such as isolator.payload",
     )  # fmt: skip
     group.add_argument(
         "--outside", action="store_true", help="let the system use files outside of its folder or archive"
@@ -101,20 +102,20 @@ def _add_what(group: argparse._ArgumentGroup) -> None:
 
 
 def _add_times(group: argparse._ArgumentGroup) -> None:
-    group.add_argument("--duration", type=float, metavar="S", help="seconds to simulate and judge, per run")
+    group.add_argument("--duration", type=float, metavar="S", help="simulated time of each case in seconds")
     group.add_argument("--step", type=float, metavar="S", help="communication step in seconds")
     group.add_argument("--storage-step", type=float, metavar="S", help="seconds between stored rows")
 
 
 def _add_acting(group: argparse._ArgumentGroup) -> None:
-    group.add_argument("--seed", type=int, metavar="N", help="seed of the disturbance (scenarios: 1)")
+    group.add_argument("--seed", type=int, metavar="N", help="seed of the random disturbance (of scenarios: 1)")
     group.add_argument(
         "--disturbance", type=Path, metavar="FILE",
         help="recorded force and torque on the bus, CSV or netCDF, in place of the noise",
     )  # fmt: skip
     group.add_argument(
         "--input", dest="inputs", type=Path, metavar="F.csv",
-        help="inputs over time: a head time,name,... and rows in seconds",
+        help="inputs over time: a CSV file with the columns time, in seconds, and names of inputs",
     )  # fmt: skip
     group.add_argument(
         "--faults", type=Path, metavar="FILE",
@@ -128,19 +129,19 @@ def _add_results(group: argparse._ArgumentGroup) -> None:
     )
     group.add_argument(
         "--observe", action="append", default=[], metavar="PATTERN",
-        help="store these outputs alone, as 'plant.payload_*'; may be repeated. Statistics, indices and verdicts stay. "
-        "Of any other system also its parameters and local variables, which are drawn, too",
+        help="store only the outputs that fit the pattern, such as 'plant.payload_*'; may be repeated. Statistics, "
+        "indices and verdicts do not change. Without a scenario the pattern finds parameters and local variables, too",
     )  # fmt: skip
     group.add_argument(
         "--requirements", type=Path, metavar="F.toml", help="pointing requirements; exit code 1 if one is not met"
     )
     group.add_argument(
         "--profile", action="store_true",
-        help="say where the time goes: each FMU, the exchange, the observers, the longest step and when it was",
+        help="measure the time of each FMU, of the exchange and of the observers, and the longest step",
     )  # fmt: skip
     group.add_argument(
         "--no-figures", dest="figures", action="store_false",
-        help="draw no PNG files; the report keeps its charts, and has no pictures",
+        help="draw no PNG files: the report has its charts, and no still pictures",
     )  # fmt: skip
 
 
@@ -160,8 +161,8 @@ def read_resumed(arguments: argparse.Namespace, defaults: argparse.Namespace) ->
     given = vars(arguments) | {"resume": None, "figures": True}
     if others := [name for name, value in given.items() if name in defaults and value != getattr(defaults, name)]:
         raise OptionError(
-            "--resume: the run goes on with the options that it has, so that "
-            f"{name_option(others[0])} cannot be given: to change something, begin a run --from its checkpoint"
+            "--resume: a resumed run keeps its options, and "
+            f"{name_option(others[0])} is refused. To change an option, begin a run --from its checkpoint"
         )
     options = read_run(claim_folder(arguments.resume.absolute()))
     return options if arguments.figures else replace(options, figures=False)

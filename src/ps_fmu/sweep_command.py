@@ -27,20 +27,20 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser = commands.add_parser(
         "sweep",
         help="run a study of many cases",
-        description="Run the cases of a study, each with other parameters, and say what they say: percentiles, "
-        "probability of meeting each requirement, worst cases, sensitivities.  docs/studies.md explains STUDY.toml "
+        description="Run the cases of a study, each with other parameters. The results are percentiles, the "
+        "probability of meeting each requirement, worst cases and sensitivities.  docs/studies.md explains STUDY.toml "
         "and how to use more than one machine.  Needs the extra: pip install 'ps-fmu[sweep]'.",
     )
     parser.add_argument("study", type=Path, metavar="STUDY.toml")
     parser.add_argument("--output", type=read_output, metavar="DIR", help="folder of the results (results/STUDY)")
-    parser.add_argument("--resume", action="store_true", help="compute what a study in DIR lacks")
+    parser.add_argument("--resume", action="store_true", help="run the cases that have no result in DIR")
     parser.add_argument("--case", type=int, metavar="N", help="run case N alone, with all signals and a report")
     where = parser.add_mutually_exclusive_group()
-    where.add_argument("--scheduler", metavar="ADDRESS", help="of a dask scheduler, such as tcp://node1:8786")
+    where.add_argument("--scheduler", metavar="ADDRESS", help="address of a dask scheduler, such as tcp://node1:8786")
     parser.add_argument(
         "--scheduler-timeout", type=float, metavar="S", help="seconds that the scheduler may take to answer (10)"
     )
-    where.add_argument("--workers", type=int, metavar="N", help="processes on this machine (one a processor)")
+    where.add_argument("--workers", type=int, metavar="N", help="processes on this machine (one per processor)")
     add_system_options(parser, "replace", "fmus")
     parser.set_defaults(run=run)
 
@@ -74,7 +74,7 @@ def run(arguments: argparse.Namespace) -> int:
             if not 0.0 < limit < math.inf:
                 raise StudyError(f"--scheduler-timeout: expected a time above 0 s, got {limit:g}")
             if arguments.scheduler is None:
-                raise StudyError("--scheduler-timeout: is for a study with --scheduler ADDRESS")
+                raise StudyError("--scheduler-timeout: only a study with --scheduler ADDRESS takes it")
         if arguments.case is not None:
             given = {"--resume": arguments.resume, "--workers": arguments.workers, "--scheduler": arguments.scheduler}
             for name in (name for name, value in given.items() if value):

@@ -187,10 +187,21 @@ def _add_parameters(commands: argparse._SubParsersAction[Any]) -> None:
     )
     command.add_argument("instrument", type=Path, metavar="INSTRUMENT.toml")
     command.add_argument("--output", type=read_output, required=True, metavar="FILE.ssv")
+    command.add_argument(
+        "--picture", type=_read_picture, metavar="FILE.svg",
+        help="draw the mechanism: legs, joints, frames, the payload's centre of mass (.svg, .png, .pdf)",
+    )  # fmt: skip
     command.add_argument("--bus", metavar="NAME", help="which [bus.NAME] (default: the file's own [bus], or else OSM)")
     add_system_options(command, "system", "fmus", default=DEFAULT_SYSTEM)
     command.add_argument("--all", action="store_true", help="write also what the FMUs start with anyway")
     command.set_defaults(run=_parameters)
+
+
+def _read_picture(text: str) -> Path:
+    path = read_output(text)
+    if path.suffix not in (".svg", ".png", ".pdf"):
+        raise argparse.ArgumentTypeError(f"expected a file that ends in .svg, .png or .pdf, got {text}")
+    return path
 
 
 def _parameters(options: argparse.Namespace) -> int:
@@ -201,7 +212,9 @@ def _parameters(options: argparse.Namespace) -> int:
 
     try:
         instrument, system = find_file(options.instrument), find_system(options)
-        lines = write_start_values(instrument, options.output, *system, options.bus, everything=options.all)
+        lines = write_start_values(
+            instrument, options.output, *system, options.bus, everything=options.all, picture=options.picture
+        )
         print(*lines, sep="\n")
     except ParameterError as error:
         print(f"ps-fmu parameters: {options.instrument}: {error}", file=sys.stderr)

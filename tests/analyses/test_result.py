@@ -86,7 +86,7 @@ def test_what_is_written(tmp_path):
     AnalysisResult("name", "Title", ["Text."], findings, [table], data={"x": [1.0]}).write(tmp_path)
     content = json.loads((tmp_path / "name.json").read_text())
     assert content["findings"][0]["published"] == 16.6285 and content["x"] == [1.0]
-    assert content["tables"] == [{"caption": "Other", "header": ["a", "b"], "rows": [["1", "2|3"]]}]
+    assert content["tables"] == [{"caption": "Other", "header": ["a", "b"], "rows": [["1", "2|3"]], "notes": []}]
     assert content["title"] == "Title" and content["text"] == ["Text."] and content["pictures"] == []
     markdown = (tmp_path / "name.md").read_text()
     assert "| Table 1 | largest yaw angle | deg | 16.6285 | 16.6 | - | -0.028 deg |  |" in markdown

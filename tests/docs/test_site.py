@@ -76,15 +76,14 @@ def test_the_page_of_an_fmu_has_what_its_description_says(site, built_fmus, mode
         icon = archive.read("model.png")
     page = site.pages[f"fmus/{MODELS[model]}/README.html"]
     rows = [dict(zip(header, row, strict=True)) for header, row in headed(page.rows) if header[0] == "Name"]
-    shown = {row["Name"]: row for row in rows if "Type" in row}
+    shown = {row["Name"].partition(".")[2]: row for row in rows if "Start" in row or "Unit" in row or "Type" in row}
     variables = {variable.get("name"): variable for variable in description.iter("ScalarVariable")}
     assert shown.keys() == variables.keys()
     for name, variable in variables.items():
         row, kind = shown[name], variable[0]
-        assert row["Type"] == kind.tag
-        assert row["Name in a system"].endswith(f".{name}")
+        assert row.get("Type", "Real") == kind.tag
         if variable.get("causality") != "parameter":
-            assert row["Variability"] == variable.get("variability")
+            assert row.get("Variability", "continuous") == variable.get("variability")
         assert row["Description"] == variable.get("description")
         assert row.get("Unit", "") == kind.get("unit", "")
         if kind.tag == "Real" and kind.get("start"):
@@ -141,7 +140,7 @@ def test_what_the_tutorials_say_is_true(site):
     assert re.findall(r"(\d) of 3 are met", mine) == ["3", "3"]
     assert re.search(r"payload_rotation\.y +[\d.]+ urad +[\d.]+ +\d+ % sine 1", mine)
     assert re.search(r"payload_rotation\.x.* 12 of 16", mine), "a delay of 4 ms is too much"
-    ours, own = numbers(r"payload_rotation\.x +active +([\d.]+) urad", mine)
+    ours, own = numbers(r"payload_rotation\.x +active +([\d.]+) ", mine)
     assert own < 0.6 * ours
     differences = numbers(r"difference:? ([\de.+-]+)", site.outputs("plot_3_c_program"))
     assert differences and max(differences) < 1e-9

@@ -96,8 +96,8 @@ def find_momentum(slave):
     """Linear momentum and angular momentum about the centre of mass, (3,) each, and the centre of mass in B, (3,)."""
     numbers = np.zeros(count_balance(slave.model.dynamics.n))
     balance = Balance(slave.plant.system, numbers)
-    balance.begin(slave.model, slave.x, 0.0)
-    _, com_B = balance.find_momentum(slave.model, slave.x)
+    balance.begin(slave.model, slave.state, 0.0)
+    _, com_B = balance.find_momentum(slave.model, slave.state)
     return numbers[:3], numbers[3:6], com_B
 
 
@@ -120,7 +120,7 @@ def test_slew_leaves_no_momentum(name, linear, angular):
     """What the true momentum, carried on by all models, makes of the state; that of the payload alone is up to 3."""
     slave = move(CASES[name], 5000, FINE_STEP).slave
     assert np.abs(np.concatenate(find_momentum(slave)[:2])).max() < 1e-4  # between two models
-    slave.x[:] = slave.balance.settle(slave.model, slave.x, slave.time)
+    slave.state[:] = slave.balance.settle(slave.model, slave.state, slave.time)
     found = find_momentum(slave)
     assert np.abs(found[0]).max() < linear
     assert np.abs(found[1]).max() < angular
@@ -176,7 +176,7 @@ def find_jumps(case, duration, step):
     slave.view("coarse_command")[:] = case.command
     largest, renewals = np.zeros(N_OUTPUTS), 0
     for _ in range(round(duration / step)):
-        model, x, since = slave.model, slave.x.copy(), slave.since.copy()
+        model, x, since = slave.model, slave.state.copy(), slave.since.copy()
         host.step(step)
         if slave.model is not model:
             outputs, u = [], np.concatenate([slave.u[:N_EXTERNAL], slave.a])
@@ -245,7 +245,7 @@ def test_centripetal_acceleration_of_a_turning_bus():
     rate = np.radians(2.0)  # rad/s
     host = Host("manipulator_plant", initial_angular_velocity__x=rate).run_mode()
     host.step(STEP)
-    _, com_B = host.slave.balance.find_momentum(host.slave.model, host.slave.x)
+    _, com_B = host.slave.balance.find_momentum(host.slave.model, host.slave.state)
     assert host.get("base_acceleration.z")[0] == pytest.approx(rate**2 * com_B[2], rel=2e-3)
 
 

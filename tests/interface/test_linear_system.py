@@ -65,7 +65,7 @@ def test_what_moves_the_pole_is_said_of_the_same_step_and_loops(make, built_fmus
 
 
 def test_a_base_that_a_host_moves_has_no_closed_form(make):
-    with pytest.raises(LinearModelError, match=r"plant\.base: there is no closed form of a base that its host moves"):
+    with pytest.raises(LinearModelError, match=r"plant\.base: .* not include a base that its host moves"):
         make("SystemStructure", {"plant.base": "prescribed"})
 
 

@@ -1,5 +1,8 @@
 """Start values from parameter sets and instruments, and back; files of instruments against the FMUs."""
 
+import re
+import subprocess
+import sys
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 from pathlib import Path
@@ -19,6 +22,7 @@ from ps_fmu.cosim.structure import Component
 from ps_fmu.disturbance import default_settings
 from ps_fmu.interface.agreement import APART
 from ps_fmu.interface.instrument_file import BuildError, find_physics, import_slave
+from ps_fmu.interface.picture import VIEWS, make_figure
 from ps_fmu.interface.start_values import (
     build_plant_and_isolator,
     differences,
@@ -247,6 +251,38 @@ def test_the_example_arrives_in_the_fmus(write, built_fmus):
     assert given["plant.bus.mode_4.participation.ry"] == p.bus.modes[3].participation_B[4]
     assert given["plant.payload.mode_2.line_of_sight_x"] == -4.1
     np.testing.assert_allclose(given["plant.bus.mass"], 85.0)
+
+
+def test_the_picture_has_each_leg_where_its_joints_are(write, tmp_path, capsys):
+    picture = tmp_path / "mine.svg"
+    code, _ = write('base = "paper"\n', "--picture", str(picture))
+    assert code == 0
+    assert str(picture) in capsys.readouterr().out
+    figure = make_figure(load())
+    for axes, (_, right, up) in zip(figure.axes, VIEWS, strict=True):
+        drawn = [1e-3 * np.column_stack(line.get_data()) for line in axes.lines if len(line.get_xdata()) == 2]
+        legs = load().manipulator.coarse_legs + load().manipulator.fine_legs
+        for ends, leg in zip(drawn, legs, strict=True):
+            top = load().manipulator.nominal_translation_B + leg.platform_joint_P
+            np.testing.assert_allclose(ends, [leg.base_joint_B[[right, up]], top[[right, up]]], atol=1e-12)
+    names = {text.get_text() for text in figure.axes[1].texts}
+    assert names >= {"c1", "c2", "c3", "f1", "f2", "f3", "B", "P"}
+    assert write('base = "paper"\n', "--picture", "mine.doc")[0] == 2
+
+
+def test_the_lines_of_the_page_run_and_print_what_it_shows(write, tmp_path, capsys):
+    page = (SYSTEM.parent / "docs" / "instrument.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"```(\w*)\n(.*?)```", page, re.DOTALL)
+    ((_, code),) = [block for block in blocks if "mmwrite" in block[1]]
+    ((_, text),) = [block for block in blocks if "finite_elements]" in block[1]]
+    subprocess.run([sys.executable, "-I", "-c", code], cwd=tmp_path, check=True)
+    printed = ""
+    for source in (text, EXAMPLE.read_text(encoding="utf-8")):
+        assert write(source)[0] == 0
+        printed += capsys.readouterr().out
+    for first in ("payload.finite_elements:", "legs at the nominal pose:"):
+        ((_, shown),) = [block for block in blocks if block[1].startswith(first)]
+        assert shown in printed
 
 
 def test_a_slave_that_cannot_be_imported_is_named(tmp_path):

@@ -9,14 +9,16 @@ import numpy as np
 import pytest
 from scipy import io, linalg
 from support.claims import verify_claim
-from support.mechanics import PAPER
+from support.mechanics import PAPER, pose_at
 from support.models import Host
 
 from ps_fmu.mechanism.centre import Centre
-from ps_fmu.mechanism.dynamics import rigid_body_mass
+from ps_fmu.mechanism.convection import convective_forces
+from ps_fmu.mechanism.dynamics import FlexibleSystem, rigid_body_mass
 from ps_fmu.mechanism.finite_elements import BoundaryNode, read_matrix, reduce_structure
 from ps_fmu.mechanism.instrument import read_instrument
 from ps_fmu.mechanism.linear_model import Plant
+from ps_fmu.mechanism.modes import PayloadMode, TrussMode
 from ps_fmu.mechanism.quantities import ParameterError, list_entries
 from ps_fmu.mechanism.rotations import skew
 from ps_fmu.mechanism.signals import output_slices
@@ -146,64 +148,89 @@ def test_free_frequencies_are_those_of_the_free_tube():
     np.testing.assert_allclose(np.sqrt(linalg.eigvalsh(stiffness, mass)[6:]), expected, rtol=1e-7)
 
 
-def couple(plant, pose_of):
-    """M, C, K of the mechanism with a rigid platform ``plant`` and all rows of the tube; its rows of the boundary."""
-    d = plant.linearise(pose_of).dynamics
-    R_PB = d.pose.rotation_BP.T
-    to_foot = rigid_motion([FOOT]) @ linalg.block_diag(R_PB, R_PB) @ d.platform_rows()
-    n, free = d.n, len(M) - 6
-    motion = linalg.block_diag(to_foot, np.eye(free))  # rows of the tube from all coordinates
-    mass, damping, stiffness = (linalg.block_diag(given, np.zeros((free, free))) for given in (d.M, d.C, d.K))
-    return mass + motion.T @ M @ motion, damping, stiffness + motion.T @ K @ motion, motion, n
+def take_away(body, frame):
+    """The same body without the tube, rigid."""
+    tube = reduce_structure(M, K, HELD, IDENTITY)
+    com, inertia = f"com_{frame}", f"inertia_{frame}"
+    rest = rigid_body_mass(body.mass, getattr(body, com), getattr(body, inertia))
+    rest = rest - rigid_body_mass(tube.mass, tube.com, tube.inertia)
+    mass, moment = rest[0, 0], rest[3:, :3]
+    at = np.array([moment[2, 1], moment[0, 2], moment[1, 0]]) / mass
+    return replace(body, mass=mass, modes=(), **{com: at, inertia: rest[3:, 3:] + mass * skew(at) @ skew(at)})
+
+
+def respond(plant, motion, damping, force, s):
+    """Coordinates of the mechanism and the rows of the tube from forces, (frequencies, n + rows, inputs).
+
+    ``motion`` (6, n): of the body that holds the tube, from the coordinates of the mechanism.
+    """
+    d, free = plant.linearise(COARSE).dynamics, len(M) - 6
+    rows = linalg.block_diag(rigid_motion([FOOT]) @ motion, np.eye(free))  # of the tube from all coordinates
+    mass, stiffness = (
+        linalg.block_diag(given, np.zeros((free, free))) + rows.T @ own @ rows for given, own in ((d.M, M), (d.K, K))
+    )
+    on = np.r_[d.active, [True] * free]
+    damping = linalg.block_diag(damping[: d.n, : d.n], np.zeros((free, free)))
+    dynamic = s[:, None, None] ** 2 * mass + s[:, None, None] * damping + stiffness
+    response = np.zeros((len(s), len(mass), force.shape[1]), complex)
+    response[:, on] = np.linalg.solve(dynamic[:, on][:, :, on], np.vstack([force, np.zeros((free, 3))])[on])
+    return response[:, : d.n], rows @ response
 
 
 COARSE = np.array([0.012, -0.007, 0.004])  # m
 
 
-def test_the_coupled_response_is_that_of_all_rows(read):
-    """Base torque and payload force to the payload's rotation and its line of sight, 20 to 500 Hz, legs extended."""
-    instrument = read("[payload]\nmass = 14.0\ncom_P = [0.005, 0.002, 0.12]\n"
-                      "inertia_P = [[0.9, 0, 0], [0, 0.8, 0], [0, 0, 0.4]]\n" + TUBE)  # fmt: skip
-    p = instrument.parameters
-    assert [mode.frequency > 0.0 for mode in p.payload.modes] == [True] * 12
-    model = Plant.from_parameters(p).linearise_about(Centre.at_rest(COARSE))
-    A, B, C, D = model.matrices()
-    s = 2j * np.pi * np.geomspace(20.0, 500.0, 60)
+def find_transfer(plant, inputs, outputs, s):
+    """From the linear model of the plant, (frequencies, outputs, inputs)."""
+    A, B, C, D = plant.linearise_about(Centre.at_rest(COARSE)).matrices()
     found = C @ np.linalg.solve(s[:, None, None] * np.eye(len(A)) - A, B.astype(complex)) + D
-    outputs = np.r_[PLACE["payload_rotation"], PLACE["line_of_sight"]]
-    found = found[:, outputs][:, :, np.r_[6:9, 12:15]]
+    return found[:, outputs][:, :, inputs]
 
-    tube = reduce_structure(M, K, HELD, IDENTITY)
-    whole, part = (rigid_body_mass(b.mass, c, i) for b, c, i in (
-        (p.payload, p.payload.com_P, p.payload.inertia_P), (tube, tube.com, tube.inertia)))  # fmt: skip
-    rest = whole - part
-    mass, moment = rest[0, 0], rest[3:, :3]
-    com = np.array([moment[2, 1], moment[0, 2], moment[1, 0]]) / mass
-    platform = replace(
-        p.payload, mass=mass, com_P=com, inertia_P=rest[3:, 3:] + mass * skew(com) @ skew(com), modes=()
-    )
-    plant = Plant.from_parameters(replace(p, payload=platform))
-    mass, damping, stiffness, motion, n = couple(plant, COARSE)
-    damping[:n, :n] = model.dynamics.C[:n, :n]  # of the rods, by the mass of the whole payload
-    d = plant.linearise(COARSE).dynamics
-    on = np.r_[d.active, [True] * (len(mass) - n)]
-    force = np.zeros((len(mass), 6))
-    force[6:9, :3] = IDENTITY  # torque about the origin of B
-    R = d.pose.rotation_BP
-    force[:n, 3:] = d.platform_rows()[:3].T @ R
-    dynamic = s[:, None, None] ** 2 * mass + s[:, None, None] * damping + stiffness
-    response = np.zeros((len(s), len(mass), 6), complex)
-    response[:, on] = np.linalg.solve(dynamic[:, on][:, :, on], force[on])
-    rotation = R.T @ d.platform_rows()[3:] @ response[:, :n]
-    expected = np.concatenate([rotation, S @ motion @ response], axis=1)
+
+def differ(found, expected):
+    """Largest difference at each frequency over the largest value there."""
+    return np.abs(found - expected).max(axis=(1, 2)) / np.abs(expected).max(axis=(1, 2))
+
+
+def test_the_coupled_response_is_that_of_all_rows(read):
+    """Payload force to the payload's rotation and its line of sight, 20 to 500 Hz, coarse legs extended."""
+    p = read("[payload]\nmass = 14.0\ncom_P = [0.005, 0.002, 0.12]\n"
+             "inertia_P = [[0.9, 0, 0], [0, 0.8, 0], [0, 0, 0.4]]\n" + TUBE).parameters  # fmt: skip
+    assert [mode.frequency > 0.0 for mode in p.payload.modes] == [True] * 12
+    whole, s = Plant.from_parameters(p), 2j * np.pi * np.geomspace(20.0, 500.0, 60)
+    outputs = np.r_[PLACE["payload_rotation"], PLACE["line_of_sight"]]
+    found = find_transfer(whole, slice(12, 15), outputs, s)
+    rigid = Plant.from_parameters(replace(p, payload=take_away(p.payload, "P")))
+    d = rigid.linearise(COARSE).dynamics
+    R_PB = d.pose.rotation_BP.T
+    platform = linalg.block_diag(R_PB, R_PB) @ d.platform_rows()
+    # The damping of the rods is by the mass of the whole payload.
+    response, rows = respond(rigid, platform, whole.linearise(COARSE).dynamics.C, platform[:3].T, s)
+    expected = np.concatenate([platform[3:] @ response, S @ rows], axis=1)
     verify_claim(
         "model.payload_modes",
         claim="A payload with the modes of a finite-element model answers as the mechanism with all rows of the model",
         where="ManipulatorPlant, payload.mode_*",
         reference="matrices of a tube assembled with the mechanism in the test, 20 to 500 Hz",
-        error=np.abs(found - expected).max(axis=(1, 2)) / np.abs(expected).max(axis=(1, 2)), bound=1e-6,
+        error=differ(found, expected), bound=1e-6,
     )  # fmt: skip
     assert np.abs(expected[:, 3:] - expected[:, :2]).max() > 1e-3 * np.abs(expected).max()  # the modes matter
+
+
+def test_a_bus_answers_as_with_all_rows(read):
+    """Torque on the bus to its own rotation and that of the payload, 20 to 500 Hz; twelve modes of the bus."""
+    bus = "[bus]\nmass = 90.0\ncom_B = [0, 0, -0.3]\ninertia_B = [[4, 0, 0], [0, 4, 0], [0, 0, 3]]\n"
+    tube = TUBE.replace("payload", "bus").replace("_P", "_B").replace('line_of_sight = "S.npy"\n', "")
+    p = read(bus + tube).parameters
+    assert len(p.bus.modes) == 12
+    whole, s = Plant.from_parameters(p), 2j * np.pi * np.geomspace(20.0, 500.0, 60)
+    found = find_transfer(whole, slice(6, 9), np.r_[PLACE["base_rotation"], PLACE["payload_rotation"]], s)
+    rigid = Plant.from_parameters(replace(p, bus=take_away(p.bus, "B")))
+    d = rigid.linearise(COARSE).dynamics
+    base = np.eye(d.n)[3:9]
+    response, _ = respond(rigid, base, d.C, base[3:].T, s)
+    expected = np.concatenate([base[3:], d.pose.rotation_BP.T @ d.platform_rows()[3:]]) @ response
+    np.testing.assert_array_less(differ(found, expected), 1e-6)
 
 
 def test_the_fmu_has_the_modes_of_the_model(read):
@@ -255,6 +282,21 @@ line_of_sight = {turn.tolist()}
         A, B, C, D = plant.linearise(COARSE).matrices()
         transfers.append(C @ np.linalg.solve(2j * np.pi * 150.0 * np.eye(len(A)) - A, B.astype(complex)) + D)
     np.testing.assert_allclose(transfers[1], transfers[0], rtol=1e-6, atol=1e-12 * np.abs(transfers[0]).max())
+
+
+def test_a_slew_acts_on_a_torsion_as_on_its_masses():
+    """Four masses on a ring that turn about its axis, as one mode with a moment alone: convective forces of both."""
+    places = 0.1 * np.array([[1.0, 0, 0], [0, 1.0, 0], [-1.0, 0, 0], [0, -1.0, 0]]) + [0.02, 0.01, 0.3]  # m
+    ring = [TrussMode(0.3, place, np.cross([0, 0, 1.0], place - [0.02, 0.01, 0.3]), 100.0, 0.01) for place in places]
+    one = PayloadMode(100.0, 0.01, 0.5 * sum(mode.participation_at(np.zeros(3)) for mode in ring), 0.0, 0.0)
+    np.testing.assert_allclose(one.participation_P[:3], 0.0, atol=1e-15)
+    speeds, forces = 0.1 * np.random.default_rng(2).normal(size=9), []
+    for flexible in ({"truss_modes": tuple(ring)}, {"truss_modes": (), "modes": (one,)}):
+        system = FlexibleSystem(PAPER.manipulator, replace(PAPER.payload, **flexible), PAPER.bus)
+        d = system.at(pose_at((3.0, -4.0, 5.0)))
+        forces.append(convective_forces(system, d, speeds)[d.slices["x_t"]])
+    assert np.abs(forces[1]).max() > 1e-5
+    np.testing.assert_allclose(forces[1][0], 0.5 * forces[0].sum(axis=0) / np.sqrt(0.3), atol=1e-12)
 
 
 def test_a_reduced_model_and_other_axes_and_several_nodes_give_the_same_modes():

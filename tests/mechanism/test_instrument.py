@@ -1,14 +1,18 @@
 """One's own instrument as a TOML file: what it inherits, what is refused."""
 
+import re
 import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
+from support.claims import verify_claim
 
 from ps_fmu.mechanism.instrument import read_instrument
+from ps_fmu.mechanism.inverse_kinematics import inverse_kinematics
 from ps_fmu.mechanism.parameters import PAPER, load
 from ps_fmu.mechanism.quantities import ParameterError, list_entries
+from ps_fmu.mechanism.rotations import rotation_matrix
 
 EXAMPLE = Path(__file__).parents[2] / "system" / "parameters" / "telescope.toml"
 BUS = "mass = 300.0\ncom_B = [0, 0, -1]\ninertia_B = [[90, 0, 0], [0, 90, 0], [0, 0, 80]]\n"
@@ -98,6 +102,44 @@ def test_scale_multiplies_what_is_inherited(read):
         assert leg.lower.mass == of_paper.lower.mass
 
 
+def test_what_is_said_of_a_geometry_is_that_of_its_joints(read):
+    """Lengths and reach against the joints and the strokes; a mechanism that is lower, shorter, nearly flat."""
+    low = read('base = "paper"\n[manipulator]\nnominal_translation_B = [0.0, 0.0, 0.2]')
+    geometry = low.parameters.manipulator.geometry
+    (limits,) = re.findall(r"yaw (-\S+) to (\S+) deg", low.remarks[1])
+    errors = []
+    for end in map(float, limits):
+        pose = inverse_kinematics(geometry, np.radians([0.0, 0.0, end]))
+        joints = pose.translation_B + geometry.platform_joints_P @ rotation_matrix(pose.orientation).T
+        lengths = np.linalg.norm(joints - geometry.base_joints_B, axis=1) - geometry.nominal_lengths
+        errors.append(1e3 * abs(np.abs(lengths[:3]).max() - 0.02))
+    verify_claim(
+        "model.reach",
+        claim="Reach of roll, pitch and yaw of your own mechanism",
+        where="terminal of ps-fmu parameters",
+        reference="distances of the joints at the stated angle: one coarse leg is at the end of its stroke",
+        error=errors, bound=0.15, unit="mm",
+    )  # fmt: skip
+    assert ["deg of yaw, the published one -14.5 to 16.6 deg" in text for text in low.warnings] == [True]
+    assert read('base = "paper"\n[manipulator]\nscale = 0.5').warnings == ()
+    short = read('base = "paper"\n[manipulator]\ncoarse_stroke = [-0.004, 0.004]').warnings
+    assert [text.partition(" deg of ")[2].partition(",")[0] for text in short] == ["roll", "pitch", "yaw"]
+    inner = [f"[[manipulator.fine_legs]]\nplatform_joint_P = {(0.1 * leg.platform_joint_P).tolist()}\n"
+             for leg in load().manipulator.fine_legs]  # fmt: skip
+    flat = read(f'base = "paper"\n{"".join(inner)}').warnings
+    assert any("close to singular: condition number" in text for text in flat)
+    far = read('base = "paper"\n[manipulator]\nfine_legs = { lower = { com_distance = 0.5 } }').warnings
+    assert "fine_legs[1].lower.com_distance: 0.5 m lies outside of the leg, which is 0.3697 m" in far[0]
+
+
+def test_legs_of_a_stated_length_close_or_are_refused(read):
+    legs = ['[[manipulator.coarse_legs]]\nlength = 0.37207\n', "[[manipulator.coarse_legs]]\n"]
+    assert read(f'base = "paper"\n{legs[0] * 3}').parameters.manipulator is not None
+    wrong = legs[1] + legs[0].replace("0.37207", "0.38") + legs[1]
+    with pytest.raises(ParameterError, match=r"coarse_legs\[2\]\.length: 0\.38 m, but .* 0\.37207\d* m apart"):
+        read(f'base = "paper"\n{wrong}')
+
+
 def test_who_gives_a_payload_has_an_isolator_that_knows_it(read):
     com = "com_P = [0.0, 0.01, 0.2]"
     exact = read(f'base = "paper"\n[payload]\n{com}').parameters
@@ -145,7 +187,7 @@ def test_the_example(read, tmp_path):
     shutil.copy(EXAMPLE, tmp_path)
     found = read_instrument(tmp_path / EXAMPLE.name)
     assert (found.parameters.payload.mass, found.parameters.bus.mass) == (6.5, 85.0)
-    assert [mode.frequency for mode in found.parameters.bus.modes] == [2.1, 4.8, 2.15, 4.9]
+    assert [mode.frequency for mode in found.parameters.bus.modes] == [0.8, 1.9, 0.82, 1.95]
     assert [mode.frequency for mode in found.parameters.payload.modes] == [142.0, 151.0, 236.0]
     assert found.parameters.payload.truss_modes == ()
     assert "payload.truss_modes" not in found.inherited

@@ -7,7 +7,13 @@ import pytest
 from scipy.optimize import minimize_scalar
 from support.claims import verify_claim
 
-from ps_fmu.mechanism.inverse_kinematics import inverse_kinematics, reachable, stroke_margin
+from ps_fmu.mechanism.inverse_kinematics import (
+    inverse_kinematics,
+    pure_limits,
+    reach_along,
+    reachable,
+    stroke_margin,
+)
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.mechanism.rotations import rotation_from_vector
 from ps_fmu.paper.published import published_numbers
@@ -16,8 +22,6 @@ from ps_fmu.paper.workspace import (
     grid,
     largest_cube,
     limits,
-    pure_limits,
-    reach_along,
     rim,
     sample,
     smallest_tilt,

@@ -89,17 +89,17 @@ def test_the_advice_comes_true():
             continue
         for seed, record in enumerate(process.records(20)):
             verdict = decide([record], 0.9 * process.truth(0.95), 0.95)
-            if "run about" not in verdict.remark:
+            if "Run about" not in verdict.remark:
                 continue
             asked += 1
-            length = float(verdict.remark.split("run about ")[1].split()[0])
+            length = float(verdict.remark.split("Run about ")[1].split()[0])
             (longer,) = replace(process, length_s=length).records(1, seed=100 + seed)
             stated = decide([longer], 0.9 * process.truth(0.95), 0.95).statement
             reached += stated.method == "order statistics over time"
     assert asked >= 10
     verify_claim(
         "requirement.advice",
-        claim='"run about ... s" gives a bound by order statistics: records of that length without one, of ten',
+        claim='"Run about ... s" gives a bound by order statistics: records of that length without one, of ten',
         where="terminal, report and summary.json: remark of a verdict",
         reference="records of coloured and resonant noise of the length that was advised",
         error=10.0 * (1.0 - reached / asked),

@@ -87,7 +87,8 @@ def test_an_interrupted_run_is_judged_as_far_as_it_came(store, require):
     assert verdict.rows == "all rows, 0.01 s apart; the run was interrupted at 5 of 20 s"
     assert verdict.answer is Answer.MET
     too_short = judge_one(path, [require(window="10 s")])
-    assert (too_short.answer, too_short.remark) == (Answer.OPEN, "a run ends before one window of RPE is full")
+    remark = "a run ends before one window of RPE is full: run longer."
+    assert (too_short.answer, too_short.remark) == (Answer.OPEN, remark)
 
 
 def test_a_file_that_is_still_open_for_writing(store, require, tmp_path, white):

@@ -1,6 +1,7 @@
 """Verdicts on synthetic records whose distribution is known."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -70,8 +71,9 @@ def test_too_few_independent_samples_say_how_long_to_run(record, white):
     needed = confidence.samples_needed(0.95, 0.9)
     verdict = decide(record(1e-6 * white(1001)[:, 0], index="MPE", at=None, settling="0.5 s"))
     assert verdict.answer is Answer.NOT_SHOWN and not verdict.met
-    assert f"independent samples in 9.5 s; {needed} are needed: run about" in verdict.remark
-    length = float(verdict.remark.split("run about ")[1].split()[0])
+    assert re.search(rf"Run about \S+ s: the 9.5 s judged have \S+ independent samples, and {needed} are needed\.",
+                     verdict.remark)  # fmt: skip
+    length = float(verdict.remark.split("Run about ")[1].split()[0])
     enough = decide(record(1e-6 * white(round(length / STEP) + 1)[:, 0], index="MPE", at=None, settling="0.5 s"))
     assert enough.answer is Answer.MET and enough.statement.method == "order statistics over time"
 
@@ -80,7 +82,7 @@ def test_a_large_margin_is_a_verdict(record, white):
     """2.8 RMS bound the 95 % quantile; the RMS of ten windows is known to a factor."""
     verdict = decide(record(1e-8 * white(1001)[:, 0], index="MPE", at=None))
     assert verdict.answer is Answer.MET and verdict.statement.method == "Markov's inequality"
-    assert verdict.remark.startswith("the bound is wide, by Markov's inequality; ")
+    assert verdict.remark.startswith("the bound is wide, by Markov's inequality. ")
     drifting = 1e-9 * np.linspace(1.0, 2.0, 1001)  # one independent sample, 250 times the margin
     assert decide(record(drifting, **APE)).answer is Answer.MET
 
@@ -91,7 +93,7 @@ def test_what_does_not_vary_is_not_asked_to_run_longer(record, value):
     verdict = decide(record(np.full(1001, value), **APE))
     assert verdict.answer is Answer.OPEN and verdict.margin_percent is None
     assert verdict.remark == "the value is the same at all times, and no run is long enough for its quantile: " + (
-        "require its peak"
+        "require its peak."
     )
     peak = {"statistic": "peak", "probability": None, "interpretation": None, "confidence": None}
     assert decide(record(np.full(1001, value), **APE, **peak)).answer is Answer.MET
@@ -137,13 +139,14 @@ def test_a_limit_within_the_interval_is_not_shown(record, white, level, side):
     verdict = decide(record(level * white(301)[:, 0], **APE))
     assert verdict.statement.lower <= 0.5e-6 < verdict.statement.bound
     assert verdict.answer is Answer.NOT_SHOWN and not verdict.met
-    assert verdict.remark == f"the value is {side} the limit, which its interval holds; a longer run narrows it"
+    where = f"the value is {side} the limit, and the limit is within its interval."
+    assert verdict.remark == f"{where} A longer run narrows the interval."
 
 
 def test_a_run_that_ends_before_a_window_is_full(record, white):
     verdict = decide(record(white(50)[:, 0], rows=1001))
     assert (verdict.answer, verdict.statement) == (Answer.OPEN, None)
-    assert verdict.remark == "a run ends before one window of RPE is full"
+    assert verdict.remark == "a run ends before one window of RPE is full: run longer."
 
 
 @pytest.mark.parametrize("interpretation", ["temporal", "ensemble", "mixed"])
@@ -163,23 +166,23 @@ def test_several_runs_as_the_library_states_them(record, white, interpretation):
 @pytest.mark.parametrize(
     ("interpretation", "runs", "problem"),
     [
-        ("ensemble", 1, "45 runs with different seeds are needed, there is one"),
-        ("ensemble", 4, "45 runs with different seeds are needed, there are 4"),
-        ("mixed", 1, "45 runs with different seeds are needed, there is one"),
-        ("mixed", 4, "45 runs with different seeds are needed, there are 4"),
+        ("ensemble", 1, "45 runs with different seeds are needed, and there is one."),
+        ("ensemble", 4, "45 runs with different seeds are needed, and there are 4."),
+        ("mixed", 1, "45 runs with different seeds are needed, and there is one."),
+        ("mixed", 4, "45 runs with different seeds are needed, and there are 4."),
     ],
 )
 def test_too_few_runs(record, white, interpretation, runs, problem):
     values = (1e-7 * white(21, seed)[:, 0] for seed in range(runs))
     verdict = decide(*(record(value, **APE, interpretation=interpretation) for value in values))
-    assert (verdict.answer, verdict.remark) == (Answer.OPEN, f"there is no bound; {problem}")
+    assert (verdict.answer, verdict.remark) == (Answer.OPEN, f"there is no bound. {problem}")
 
 
 def test_five_runs_bound_by_their_mean_square(record, white):
     runs = [record(1e-8 * white(21, seed)[:, 0], **APE, interpretation="ensemble") for seed in range(5)]
     verdict = decide(*runs)
     assert (verdict.answer, verdict.statement.method) == (Answer.MET, "Markov's inequality")
-    assert verdict.remark.endswith("45 runs with different seeds are needed, there are 5")
+    assert verdict.remark.endswith("45 runs with different seeds are needed, and there are 5.")
 
 
 def test_all_runs_together_need_more_of_each(record, white):
@@ -202,7 +205,7 @@ def test_what_is_written(record, white):
     assert (entry["verdict"], entry["met"], entry["rows"]) == ("met", True, "every step")
     name, word, signal, case, value, bound, limit, margin = verdict.as_row()
     assert (name, signal, case, limit, word) == ("blur", "plant.rotation.x", "active", "0.5 urad", "met")
-    assert value == f"{entry['value']:.4g} urad" and bound == f"{entry['bound']:.4g} urad"
+    assert value == f"{entry['value']:.4g}" and bound == f"{entry['bound']:.4g}"  # in the unit of the limit
     assert margin == f"{entry['margin']:.1f} %"
 
 
@@ -222,5 +225,6 @@ def test_the_table_counts_and_explains(require, record, white):
     assert [row[1] for row in make_table(verdicts).rows] == ["met", "NOT MET", "CANNOT BE SAID"]
     text = format_verdicts(verdicts)
     assert text.count("blur: RPE over 1 s, t uniform; 95 % quantile, temporal, 90 % confidence.") == 1
-    assert "there is no run on; there are: passive, active." in text
+    assert "    There is no run on; there are: passive, active\n" in text  # below its verdict
+    assert max(map(len, text.splitlines())) <= 100
     assert text.count("active: judged from every step.") == 1

@@ -82,7 +82,7 @@ def test_one_that_cannot_be_said_fails_the_run_too(required):
     assert re.search("0 of 3 are met, 3 cannot be said", execute(options).failures)
     verdict = read_verdicts(options)[0]
     assert (verdict["met"], verdict["bound"], verdict["margin"]) == (False, None, None)
-    assert verdict["remark"] == "there is no bound; 45 runs with different seeds are needed, there is one"
+    assert verdict["remark"] == "there is no bound. 45 runs with different seeds are needed, and there is one."
 
 
 def test_thinned_rows_do_not_change_the_verdicts_of_the_run(required):
@@ -206,7 +206,7 @@ def test_an_interrupted_run_can_be_judged(required, capsys):
     assert main(["judge", str(results), "--requirements", str(options.requirements)]) == 1
     text = capsys.readouterr().out
     assert "Requirements: 3 of 4 are met, 1 cannot be said" in text
-    assert "there is no run active; there are: passive (the run was interrupted at" in text
+    assert "There is no run active; there are: passive (the run was interrupted at" in text
     assert "passive: judged from all rows, 0.0001 s apart; the run was interrupted at" in text
 
 

@@ -149,7 +149,7 @@ def test_the_command_forgets_no_option():
         "storage_step_s": 1e-3, "requirements": Path(__file__), "disturbance": Path(__file__), "outside": True,
         "inputs": Path(__file__), "observe": ("x",), "isolation": Isolation(), "faults": Path(__file__),
         "replace": {"isolator": Path(__file__)}, "source": Path(__file__), "anew": ("b",), "duration_s": 2.0,
-        "step_s": 2e-4,
+        "step_s": 2e-4, "instrument": Path(__file__),
     }  # fmt: skip
     left_out = {one.name for one in fields(RunOptions)} - given_options.keys()
     assert left_out == set(origin._NO_COMMAND)

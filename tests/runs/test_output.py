@@ -80,7 +80,7 @@ def test_what_is_not_of_ps_fmu_is_left_alone(tmp_path, name):
     (tmp_path / name).parent.mkdir(exist_ok=True)
     (tmp_path / name).write_text("mine")
     taken = tmp_path / name.split("/")[0]
-    with pytest.raises(OptionError, match=f"--output: {taken} is not of ps_fmu"), hold_folder(tmp_path):
+    with pytest.raises(OptionError, match=f"--output: {taken} was not written by ps_fmu"), hold_folder(tmp_path):
         (tmp_path / "results.nc").write_text("new")
     assert (tmp_path / name).read_text() == "mine" and os.listdir(tmp_path) == [taken.name]
 

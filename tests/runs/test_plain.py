@@ -360,7 +360,7 @@ def test_what_any_system_gets_of_a_run(built_fmus, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("options", "reason"),
     [
-        (["--apart", "a"], "--apart: is for scenarios"),
+        (["--apart", "a"], "--apart: only scenarios take it"),
         (["--seed", "3"], "--seed: .* has no disturbance source"),
         (["--disturbance", "in.csv"], "--disturbance: .* has no disturbance source"),
     ],
@@ -407,7 +407,7 @@ def test_a_value_for_a_connected_input_is_a_warning(fmus, tmp_path, capsys):
     )
     options = "--step", "0.1", "--duration", "1", "--fmus", fmus, "--parameters", tmp_path / "set.ssv", "--no-figures"
     assert run(tmp_path / "both.ssd", *options, "--output", tmp_path / "out") == 0
-    text = "b.real_in ({}, line 2) holds until the first exchange alone: it is connected to a.real_out"
+    text = "b.real_in ({}, line 2) acts only until the first exchange: it is connected to a.real_out"
     assert text.format(tmp_path / "set.ssv") in capsys.readouterr().err
 
 

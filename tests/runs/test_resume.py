@@ -160,7 +160,7 @@ def run(capsys):
 def test_what_does_not_go_on_says_why_and_loses_nothing(stopped, run, tmp_path):
     code, said = run("--resume", stopped, "--step", "2e-4")
     assert code == 2
-    assert "--resume: the run goes on with the options that it has, so that --step cannot be given" in said
+    assert "--resume: a resumed run keeps its options, and --step cannot be given" in said
     code, said = run("--resume", tmp_path / "other")
     assert code == 2
     assert "there is no run with checkpoints in" in said
@@ -192,7 +192,7 @@ def test_what_does_not_go_on_says_why_and_loses_nothing(stopped, run, tmp_path):
     assert code == 0, said
     code, said = run("--resume", stopped)
     assert code == 2
-    assert "is complete: there is nothing to go on with" in said
+    assert "is complete, and there is nothing to resume" in said
     assert sorted(path.name for path in (stopped / "checkpoint").rglob("*") if path.is_file()) == [
         "row-000000006000.msgpack", "row-000000006000.msgpack", "run.json",
     ]  # fmt: skip
@@ -227,7 +227,7 @@ def test_a_run_begins_where_another_one_is(run, tmp_path, ssv):
     assert code == 0, said
     for more, why in (
         (["--from", settled / "nothing"], "--from: there is no"),
-        (["--anew", "isolator"], "--anew: is for a run that begins --from a checkpoint"),
+        (["--anew", "isolator"], "--anew: only a run that begins --from a checkpoint takes it"),
         (["--from", tmp_path / "branch" / "results.nc"], "is in the output folder"),
         (["--checkpoint", "0"], "--checkpoint: expected a time above 0 s"),
     ):

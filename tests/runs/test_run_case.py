@@ -108,7 +108,7 @@ def test_parameters_that_are_not_used_are_reported(options, ssv, capsys):
     by_case, by_wire = (text for text in warnings if "is not used" in text or "first exchange" in text)
     expected = (
         (by_case, f"{TARGET} (", "given.ssv, line 4) is not used: case passive sets it to 0.0"),
-        (by_wire, "plant.base_force.x (", "line 6) holds until the first exchange alone: it is connected to "
+        (by_wire, "plant.base_force.x (", "line 6) acts only until the first exchange: it is connected to "
          "disturbance.base_force.x"),
     )  # fmt: skip
     verify_claim(

@@ -11,8 +11,10 @@ import ps_fmu
 CORNER = "isolator.filters.highpass_frequency"
 
 
-def run(duration=20.0, files=(), **values):
-    result = ps_fmu.simulate("isolation", duration=duration, step=1e-3, parameter_files=files, parameters=values)
+def run(duration=20.0, files=(), system=None, **values):
+    result = ps_fmu.simulate(
+        "isolation", duration=duration, step=1e-3, system=system, parameter_files=files, parameters=values
+    )
     ratio = np.array(result.summary["rms_active_rad"]) / result.summary["rms_passive_rad"]
     return ratio, [text for text in result.summary["warnings"] if "makes the jitter worse" in text]
 
@@ -37,6 +39,20 @@ def test_a_corner_in_the_disturbance_is_named_and_turned_as_told_it_isolates():
     )
 
 
+def test_the_noise_of_accelerometers_is_named_and_the_high_pass_that_stops_it():
+    """Of a navigation class behind the default 1e-4 Hz, which integrate their noise to hundreds of microradians."""
+    parts = (10.0, ["sensors_navigation.ssv"], "InertialSensors.ssd")
+    before, (said,) = run(*parts)
+    assert before.max() > 20.0
+    added, by, name, value, turned = re.search(
+        r"added at (\S+) Hz, by the (.*)\. By the linear model it is (\S+), (\S+) Hz: with (\S+) Hz", said
+    ).groups()
+    assert float(added) < 0.1 and by == "noise of the accelerometers" and (name, float(value)) == (CORNER, 1e-4)
+    assert 1.0 < float(turned) < 10.0
+    after, _ = run(*parts, **{CORNER: float(turned)})
+    assert after.max() < 1.1
+
+
 def test_an_isolator_that_isolates_is_not_worse():
     ratio, none = run()
     assert ratio.max() < 0.1
@@ -46,6 +62,6 @@ def test_an_isolator_that_isolates_is_not_worse():
 def test_an_unstable_isolator_within_its_limits_is_said_to_be_that():
     """Its force is limited, so that it neither isolates nor stops the run."""
     lighter = Path(__file__).parents[2] / "system" / "parameters" / "LSM.ssv"
-    _, said = run(4.0, [lighter], **{"isolator.payload.com.z": 3.0, "isolator.force_limit": 2.0})
+    _, said = run(3.0, [lighter], **{"isolator.payload.com.z": 3.0, "isolator.force_limit": 2.0})
     assert "The closed loop is unstable: a pair of poles at +" in said[0]
     assert "By the linear model it is" not in said[0]

@@ -166,7 +166,7 @@ def test_isolation(make_options, tmp_path, capsys):
         bound=1e-9,
     )
     printed = capsys.readouterr().out
-    shown = np.array([line.split()[-3:] for line in printed.splitlines()[2:5]], dtype=float).T
+    shown = np.array([line.split()[-3:] for line in printed.splitlines()[3:6]], dtype=float).T
     truth = np.array([rms(each["passive"]), rms(each["active"]), rejection])
     verify_claim(
         "run.isolation_table",
@@ -412,7 +412,7 @@ def test_pointing(make_options, ssv, capsys, monkeypatch):
         error=compare(found, expected),
         bound=1e-5,
     )
-    text = capsys.readouterr().out
+    text = " ".join(capsys.readouterr().out.split())
     said = dict(re.findall(r"(lock at|grows to|lock again at) ([\d.e+-]+)", text))
     on = phases["loop_on"]
     truth = {"lock at": locks[0], "grows to": on["target hidden"]["largest_distance_rad"], "lock again at": locks[1]}

@@ -319,16 +319,16 @@ def test_the_scenario(make_options, ssv, capsys):
     options = make_options("wheels", 6.0, step_s=2e-4, seed=2, figures=True, parameters=(given,))
     summary = run(options)
     assert summary["warnings"] == []
-    text = capsys.readouterr().out
+    text = " ".join(capsys.readouterr().out.split())
     for case in ("passive", "active"):
         worst, largest = summary["worst_crossing"][case], summary["largest_rotation"][case]
         assert worst["wheel"] == "wheel_1" and worst["mode"].startswith("fine legs")
-        assert worst["harmonic"] == 1.01
+        assert worst["harmonic"] == 1.0
         assert worst["frequency_hz"] == pytest.approx(worst["harmonic"] * worst["speed_rpm"] / 60.0)
         assert 0.1 < worst["peak_amplitude_rad"] / worst["constant_speed_amplitude_rad"] < 0.9
         assert worst["peak_amplitude_rad"] < largest["rotation_rad"] < 3.0 * worst["peak_amplitude_rad"]
         assert worst["time_s"] - 1.0 < largest["time_s"] <= 6.0
-        assert f"Worst crossing, {case}: wheel_1, harmonic 1.01 at" in text
+        assert f"Worst crossing, {case}: wheel_1, harmonic 1 at" in text
     assert summary["rms_passive_rad"][1] > summary["rms_active_rad"][1] > 0.0
     names = {path.name for path in options.output.iterdir()}
     assert {"waterfall.png", "spectra.png", "report.html", "results.nc"} <= names

@@ -217,7 +217,7 @@ class TestWhatIsRefused:
             with pytest.raises(BuildError, match=problem):
                 build_script(script, [more], tmp_path)
         assert main(["build", str(script), "--only", "x"]) == 1
-        assert "exclude each other" in capsys.readouterr().err
+        assert "expected either a script" in capsys.readouterr().err
 
 
 def test_an_error_in_a_package_is_shown_with_its_place(tmp_path):

@@ -69,8 +69,8 @@ def plan(write, tmp_path):
 @pytest.mark.parametrize(
     ("changes", "reason"),
     [
-        ([("a.gain", "b.real_in")], "b.real_in is connected to a.real_out: nothing can be set"),
-        ([("a.gain", "a.real_in")], "a.real_in gets u of the file of inputs: nothing can be set"),
+        ([("a.gain", "b.real_in")], "b.real_in is connected to a.real_out: a start value would have no effect"),
+        ([("a.gain", "a.real_in")], "a.real_in gets u of the file of inputs: a start value would have no effect"),
         ([("a.gain", "a.real_out")], "a.real_out is of causality output: only inputs and parameters can be set"),
         ([('"a.gain"', '"z"')], "input 'z' is converted for e.level_in: vary e.level_in instead"),
         ([ENUMERATION, ("1, 2", '"pink"')], "no value 'pink'; it has red (1), green (2), blue (3)"),
@@ -105,8 +105,8 @@ def test_what_cannot_be_varied(plan, changes, reason):
 @pytest.mark.parametrize(
     ("value", "reason"),
     [
-        ('"b.real_in" = 1.0', "is connected to a.real_out: nothing can be set"),
-        ('"a.real_in" = 1.0', "gets u of the file of inputs: nothing can be set"),
+        ('"b.real_in" = 1.0', "is connected to a.real_out: a start value would have no effect"),
+        ('"a.real_in" = 1.0', "gets u of the file of inputs: a start value would have no effect"),
         ('"a.real_out" = 1.0', "is of causality output: only inputs and parameters can be set"),
         ('"e.whole_in" = "pink"', "no value 'pink'; it has red (1), green (2), blue (3)"),
         ('"x.gain" = 1.0', "there is no component 'x'; there are a, b, e"),

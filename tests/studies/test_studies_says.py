@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -12,7 +11,8 @@ from support.claims import verify_claim
 
 from ps_fmu.pointing.confidence import quantile
 from ps_fmu.pointing.interpretation import Interpretation
-from ps_fmu.requirements.quantity import Names
+from ps_fmu.requirements.quantity import Names, Quantity
+from ps_fmu.results.tables import format_tables
 from ps_fmu.studies.conclusion import list_notes, make_tables
 from ps_fmu.studies.factors import Factor, Spread
 from ps_fmu.studies.outcome import (
@@ -26,7 +26,6 @@ from ps_fmu.studies.outcome import (
 )
 from ps_fmu.studies.plan import Plan, make_shares
 from ps_fmu.studies.study import Vary
-from ps_fmu.studies.sweep import SweepOptions
 
 OUTPUT = Output("active.toy.error.x.APE.rms", "rad")
 
@@ -128,8 +127,7 @@ def test_intervals_of_the_probability_hold_the_true_one_as_often_as_they_say(mak
 
 def state_all(outcome):
     """What the terminal says of an outcome: all tables and notes."""
-    options = SweepOptions(Path("s.toml"), Path("out"))
-    return "\n".join([*(f"{t.caption}\n{t.to_text()}" for t in make_tables(outcome, options)), *list_notes(outcome)])
+    return " ".join(format_tables(make_tables(outcome), list_notes(outcome), 1000).split())
 
 
 def test_a_sample_has_probabilities_and_a_verdict_over_all_cases(required):
@@ -204,3 +202,18 @@ def test_seeds_that_all_cases_have_are_found(make_prepared):
     assert make_prepared(changes={'[[vary]]\nparameter = "gain"': own}).plan.shared_seeds == ("toy.seed",)
     varied = '[[vary]]\nparameter = "toy.seed"\nvalues = [1, 2]\n[[observe]]'
     assert make_prepared(changes={"[[observe]]": varied}).plan.shared_seeds == ()
+
+
+@pytest.mark.parametrize(
+    ("given", "unit", "shown", "factor"),
+    [
+        ({"distribution": "uniform", "low": Quantity(0.0, "rpm"), "high": Quantity(3000.0, "rpm")}, "rad/s", "rpm",
+         30.0 / math.pi),
+        ({"values": ["0 ms", "1 ms"]}, "s", "ms", 1e3),
+        ({"distribution": "normal", "relative": Quantity(2.0, "%")}, "kg", "kg", 1.0),
+        ({"values": [True, False]}, "1", "1", 1.0),
+    ],
+)  # fmt: skip
+def test_parameters_are_shown_in_the_unit_that_the_study_states(given, unit, shown, factor):
+    vary = Vary(parameter=Names(("a.b",)), **given)
+    assert Factor(vary, unit, ("a.b",), (1.0,), (), None).shown == (shown, pytest.approx(factor))

@@ -403,7 +403,7 @@ def test_no_scheduler_is_said(write_study, sweep):
     ("arguments", "error"),
     [
         (["--scheduler", "tcp://127.0.0.1:1", "--scheduler-timeout", "0"], "expected a time above 0 s, got 0"),
-        (["--scheduler-timeout", "1"], "is for a study with --scheduler ADDRESS"),
+        (["--scheduler-timeout", "1"], "only a study with --scheduler ADDRESS takes it"),
     ],
 )
 def test_a_time_for_no_scheduler_is_refused(tmp_path, capsys, arguments, error):

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from support.claims import verify_claim
 
+from ps_fmu.analyses.system import load_own_systems
 from ps_fmu.analyses.table import AnalysisOptions
 from ps_fmu.cli import main
 from ps_fmu.cosim import read_system
@@ -320,7 +321,7 @@ def test_a_quiet_system_has_a_sentence_of_its_own(systems, tmp_path):
             {"disturbance.wheel_1.enabled": True, "disturbance.wheel_1.speed_profile": "speed.csv"},
             r"wheel_1: its speed comes from speed\.csv; a budget needs a constant one",
         ),
-        ({"isolator.sample_time": 1e-3}, r"isolator\.sample_time: there is no closed form"),
+        ({"isolator.sample_time": 1e-3}, r"isolator\.sample_time: the linear model does not include"),
         ({"isolator.delay": 1.0}, "expected at most 40 steps"),
         ({"plant.payload.mass": -1.0}, r"plant\.payload\.mass: must be greater than 0"),
     ],
@@ -328,6 +329,21 @@ def test_a_quiet_system_has_a_sentence_of_its_own(systems, tmp_path):
 def test_what_has_no_budget_is_refused(systems, values, message):
     with pytest.raises(ValueError, match=message):
         budget(systems["SystemStructure"].with_parameters(values), 0)
+
+
+def test_a_recorded_disturbance_in_place_of_the_noise(built_fmus, tmp_path):
+    """As the option of a run: its sources are the six axes of the recording, unless a parameter file adds the noise."""
+    time = np.arange(0.0, 2.0, 1e-2)
+    rows = np.column_stack([time, np.outer(np.sin(20.0 * time), np.ones(6))])
+    path = tmp_path / "measured.csv"
+    np.savetxt(path, rows, delimiter=",", header=",".join(HEADER), comments="")
+    options = AnalysisOptions(tmp_path, built_fmus, SYSTEM / "SystemStructure.ssd", progress=False, disturbance=path)
+    (system,) = load_own_systems(options)
+    sources = list_sources(Circuit(read_model(system), False), ROTATION, points=20)[1]
+    assert [source.name for source in sources] == ["recording"]
+    (missing,) = load_own_systems(replace(options, disturbance=tmp_path / "none.csv"))
+    with pytest.raises(ValueError, match=r"disturbance\.recording\.path: no file"):
+        budget(missing, 0)
 
 
 def test_a_recording_of_a_few_steps_is_refused(systems, tmp_path):
@@ -340,13 +356,13 @@ def test_a_recording_of_a_few_steps_is_refused(systems, tmp_path):
 def test_other_components_are_refused(systems, tmp_path):
     system = systems["SystemStructure"]
     components = system.components[:1] + system.components[2:]
-    with pytest.raises(LinearModelError, match="the closed form needs the FMU PointingCommander"):
+    with pytest.raises(LinearModelError, match="the linear model needs the FMU PointingCommander"):
         read_model(replace(system, components=components))
     second = replace(system.components[0], name="second")
-    with pytest.raises(LinearModelError, match="the closed form is of one DisturbanceSource, there are 2"):
+    with pytest.raises(LinearModelError, match="the linear model includes one DisturbanceSource, and the system has 2"):
         read_model(replace(system, components=(*system.components, second)))
     other = replace(system.components[0], source=tmp_path / "Pump.fmu")
-    with pytest.raises(LinearModelError, match="disturbance: there is no closed form of the FMU Pump"):
+    with pytest.raises(LinearModelError, match="disturbance: the linear model does not include the FMU Pump"):
         read_model(replace(system, components=(other, *system.components[1:])))
 
 

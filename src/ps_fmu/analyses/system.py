@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from ..cosim import System, UsageError, read_parameters, read_system
+from ..cosim import System, UsageError, Value, read_parameters, read_system
 from ..cosim.description import index_variables, read_descriptions, read_start
 from ..cosim.replacing import replace_components
 from ..cosim.structure import Parameter
 from ..product.files import find_product
 from ..runs.built_fmus import provide_fmus
 from ..runs.options import OptionError
-from ..runs.setup import RunSystem
+from ..runs.setup import NOISE, RECORDING_PATH, RunSystem
 from .table import AnalysisOptions
 
 
@@ -39,7 +39,7 @@ def load_built_system(options: AnalysisOptions, system: Path | None = None) -> S
 
 
 def load_own_systems(options: AnalysisOptions, *others: Path) -> list[System]:
-    """The system of the options, and others, with the start values of their files.
+    """The system of the options, and others, with the start values of their files and a recorded disturbance.
 
     Values of components that a system does not have are left out of it.  Raises BuildError, and CosimError for a value
     of a component, parameter or unit that none of the systems has.
@@ -48,6 +48,9 @@ def load_own_systems(options: AnalysisOptions, *others: Path) -> list[System]:
     given: dict[str, Parameter] = {}
     for path in options.parameters:
         given |= read_parameters(path).entries()
+    if options.disturbance is not None:
+        own: dict[str, Value] = {NOISE: False, RECORDING_PATH: str(options.disturbance.absolute())}
+        given = {name: Parameter(value, None, "--disturbance") for name, value in own.items()} | given
     names = {component.name for system in systems for component in system.components}
     for name, entry in given.items():
         if name.partition(".")[0] not in names:

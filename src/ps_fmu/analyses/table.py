@@ -30,6 +30,7 @@ class AnalysisOptions:
     progress: bool = True  # show progress bars on stderr
     parameters: tuple[Path, ...] = ()  # files with start values; later ones win
     replace: Mapping[str, Path] = field(default_factory=dict)  # FMUs in place of components, by their names
+    disturbance: Path | None = None  # recorded wrench in place of the noise, a CSV file
     requirements: Path | None = None  # TOML file; None: that of the product
     uncertainty: tuple[float, ...] = ()
     """Factors on the amplitude and between them the limits of their bands, Hz: factor, limit, factor ..."""
@@ -46,7 +47,7 @@ class Analysis:
     needs_fmus: bool = True  # if not, it needs neither FMUs nor a system description
     system: str = SYSTEM  # name of the product's system structure description that it runs, unless told otherwise
     takes: tuple[str, ...] = ()
-    """Options that it takes besides those of every analysis: :data:`OWN`, ``requirements``, ``uncertainty``."""
+    """Options besides those of every analysis: of :data:`OWN`, ``disturbance``, ``requirements``, ``uncertainty``."""
     own: str = ""
     """The function for another system than the product's, or with parameters, where that is another one."""
 
@@ -97,7 +98,7 @@ _TABLE = (
         "budget",
         "each source's, frequency band's and resonance's share of the pointing errors that requirements name",
         "ps_fmu.trades.budget.report:analyse",
-        takes=(*OWN, "requirements", "uncertainty"),
+        takes=(*OWN, "disturbance", "requirements", "uncertainty"),
     ),
     Analysis(
         "indices",

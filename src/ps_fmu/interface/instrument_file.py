@@ -80,7 +80,9 @@ def read_start_values(
 
 
 def write_start_values(
-    source: Path, output: Path, system: Path, fmus: Path | None, bus: str | None = None, *, everything: bool = False
+    source: Path, output: Path, system: Path, fmus: Path | None, bus: str | None = None, *,
+    everything: bool = False,
+    picture: Path | None = None,
 ) -> list[str]:
     """Write the start values of a system's FMUs for an instrument as an SSV file; lines that say what was done.
 
@@ -91,6 +93,7 @@ def write_start_values(
     system, fmus: the system description, and the folder of the built FMUs.
     bus: name of the bus in the file.
     everything: also values that the FMUs start with anyway.
+    picture: a file for a picture of the mechanism, see :mod:`.picture`.
 
     Raises
     ------
@@ -105,11 +108,16 @@ def write_start_values(
     values = make_start_values(instrument, wired, descriptions, physics, everything=everything)
     about = f"Made from {source.name} by ps-fmu parameters for {system.name}: change that file, not this one."
     write_atomically(output, start_values_xml(values, about))
+    if picture is not None:
+        from .picture import draw_instrument
+
+        draw_instrument(instrument.parameters, picture)
     counts = Counter(name.partition(".")[0] for name in values)
     listed = ", ".join(f"{counts[component.name]} of {component.name}" for component in wired.components)
     untold = [c.name for c in wired.components if descriptions[c.name].modelName not in physics and not counts[c.name]]
     return [
         f"{output}  {len(values)} values: {listed}",
+        *([] if picture is None else [f"{picture}"]),
         *_describe(instrument),
         *([f"left as they are, since [start] says nothing of them: {', '.join(untold)}"] if untold else []),
     ]

@@ -418,23 +418,24 @@ def read_model(system: System, step: float | None = None) -> SystemModel:
     components = {component.source.stem: component.name for component in system.components}
     for fmu in components:
         if fmu not in KNOWN:
-            known = ", ".join(KNOWN)
-            raise LinearModelError(f"{components[fmu]}: there is no closed form of the FMU {fmu}; there is of {known}")
+            unknown = f"the linear model does not include the FMU {fmu}; it includes {', '.join(KNOWN)}"
+            raise LinearModelError(f"{components[fmu]}: {unknown}")
     if len(components) < len(system.components):
         names = [component.source.stem for component in system.components]
         twice = next(fmu for fmu in names if names.count(fmu) > 1)
-        raise LinearModelError(f"{system.path.name}: the closed form is of one {twice}, there are {names.count(twice)}")
+        there = f"the linear model includes one {twice}, and the system has {names.count(twice)}"
+        raise LinearModelError(f"{system.path.name}: {there}")
     if missing := [fmu for fmu in NEEDED if fmu not in components]:
-        raise LinearModelError(f"{system.path.name}: the closed form needs the FMU {missing[0]}")
+        raise LinearModelError(f"{system.path.name}: the linear model needs the FMU {missing[0]}")
     h = step or system.experiment.step or STEP
     p, isolator, commander = load(), _given(system, components[ISOLATOR]), _given(system, components[COMMANDER])
     orientation = np.array([float(commander.get(f"target.{angle}", 0.0)) for angle in ("roll", "pitch", "yaw")])
     if isolator.get("sample_time"):
         name = f"{components[ISOLATOR]}.sample_time"
-        raise LinearModelError(f"{name}: there is no closed form of a digital isolator; set 0 s")
+        raise LinearModelError(f"{name}: the linear model does not include a digital isolator; set 0 s")
     if _given(system, components[PLANT]).get("base", "own") != "own":
         name = f"{components[PLANT]}.base"
-        raise LinearModelError(f"{name}: there is no closed form of a base that its host moves; set own")
+        raise LinearModelError(f"{name}: the linear model does not include a base that its host moves; set own")
     plant = _take(system, components[PLANT], Plant.from_parameters(p))
     controller = _take(system, components[ISOLATOR], Isolator.from_parameters(p))
     looped = TRACKER in components and POINTING in components

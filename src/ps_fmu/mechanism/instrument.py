@@ -6,6 +6,7 @@ what differs.  An entry that is given replaces that of the base; a list is repla
 - ``[[manipulator.fine_legs]]`` three times: each inherits from the leg at its place;
 - ``[manipulator.fine_legs]`` once: the values are those of all three.
 
+A leg may state its nominal ``length`` (m): it must be the distance of its joints at the nominal pose.
 ``manipulator.scale`` multiplies the lengths that are inherited: nominal translation, stroke, joints, centres of mass of
 the legs' parts; the inertias of these by its square (their masses stay).
 
@@ -24,16 +25,19 @@ from __future__ import annotations
 import copy
 import reprlib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from .finite_elements import put_modes
+from .inverse_kinematics import inverse_kinematics, pure_limits
+from .kinematics import condition_number, platform_jacobian
 from .modes import Appendage, join_bodies
-from .parameters import PAPER, Bus, Parameters, build, make_parameters, read_table, refuse_unknown
-from .quantities import ParameterError, check_inertia, check_number, check_truth, freeze
+from .parameters import PAPER, Bus, Manipulator, Parameters, build, load, make_parameters, read_table, refuse_unknown
+from .quantities import Array, ParameterError, check_inertia, check_number, check_truth, freeze
+from .rotations import rotation_matrix
 
 Table = dict[str, Any]
 
@@ -46,6 +50,10 @@ DEFAULT_BUS = "OSM"
 LEGS = ("coarse_legs", "fine_legs")
 FLEXIBLE = {"modes", "finite_elements"}
 """Entries of the payload that state its modes."""
+ANGLES = ("roll", "pitch", "yaw")
+CLOSED = 1e-4  # m, by which a leg's stated length may differ from the distance of its joints
+SMALL_REACH = 0.7  # of the published mechanism's: a warning below
+LARGE_CONDITION = 20.0  # a warning above
 DEEPEST_BASE = 8  # files that inherit from each other, one from the next
 
 
@@ -66,6 +74,15 @@ class Instrument:
     """What is unusual, such as a small stroke."""
 
 
+@dataclass(frozen=True, eq=False)
+class _Notes:
+    """What is found on the way to the tables of a file."""
+
+    remarks: list[str] = field(default_factory=list)
+    lengths: dict[str, float] = field(default_factory=dict)
+    """Nominal lengths of legs that the file states, m, by ``coarse_legs[1]``."""
+
+
 def read_instrument(path: Path, bus: str | None = None) -> Instrument:
     """Read a file in the form that this module's text states.
 
@@ -78,15 +95,20 @@ def read_instrument(path: Path, bus: str | None = None) -> Instrument:
     ------
     ParameterError: an entry is missing, unknown or impossible; the text names it.
     """
-    own, remarks = _read(path), list[str]()
-    table = _inherit(own, path, 0, remarks)
+    own, notes = _read(path), _Notes()
+    table = _inherit(own, path, 0, notes)
     for name in TABLES:
         if not table.get(name):
             raise ParameterError(name, 'missing: with base = "paper" at its head, a file need give only what differs')
     name, entries = _select_bus(table, bus)
     inherited = tuple(_list_inherited(own, table)) if "base" in own else ()
     lists = {name: table.get(name, []) for name in LISTS}
-    return Instrument(make_parameters(table, entries, name), table.get("start", {}), lists, inherited, tuple(remarks))
+    parameters, warnings = make_parameters(table, entries, name), list[str]()
+    if "manipulator" in own:
+        _check_lengths(parameters.manipulator, notes.lengths)
+        lines, warnings = describe_geometry(parameters.manipulator)
+        notes.remarks[:0] = lines
+    return Instrument(parameters, table.get("start", {}), lists, inherited, tuple(notes.remarks), tuple(warnings))
 
 
 def _read(path: Path) -> Table:
@@ -118,10 +140,10 @@ def _check_table(value: Any, name: str) -> Table:
     return value
 
 
-def _inherit(own: Table, path: Path, depth: int, remarks: list[str]) -> Table:
+def _inherit(own: Table, path: Path, depth: int, notes: _Notes) -> Table:
     """The tables of a file with all that it inherits; buses by name, each complete.
 
-    ``remarks``: lines on what the file gives are added.
+    ``notes`` are added to.
     """
     own = copy.deepcopy(own)
     named = own.pop("base", None)
@@ -133,32 +155,100 @@ def _inherit(own: Table, path: Path, depth: int, remarks: list[str]) -> Table:
         raise ParameterError("base", f"{path.name}: more than {DEEPEST_BASE} files inherit from each other")
     else:
         source = PAPER if named == "paper" else path.parent / named
-        base = _inherit(_read(source), source, depth + 1, [])
-    return _put_on_base(own, base, path.parent, remarks)
+        base = _inherit(_read(source), source, depth + 1, _Notes())
+    return _put_on_base(own, base, path.parent, notes)
 
 
-def _put_on_base(own: Table, base: Table, folder: Path, remarks: list[str]) -> Table:
+def _put_on_base(own: Table, base: Table, folder: Path, notes: _Notes) -> Table:
     manipulator = own.get("manipulator", {})
     if "scale" in manipulator:
         if "manipulator" not in base:
             raise ParameterError("manipulator.scale", 'nothing is inherited that it could scale: give base = "paper"')
         scale = check_number(manipulator.pop("scale"), "manipulator.scale", above=0.0)
         base["manipulator"] = _scale(base["manipulator"], scale)
+    _take_lengths(manipulator, notes.lengths)
     if "payload" in own:
         if own["payload"].keys() & FLEXIBLE:  # who gives modes gives them all
             own["payload"].setdefault("truss_modes", [])
-        remarks += put_modes(own["payload"], "P", folder, "payload")
+        notes.remarks.extend(put_modes(own["payload"], "P", folder, "payload"))
     if "com_P" in own.get("payload", {}) and "known_com_P" not in own.get("isolator", {}):
         own.setdefault("isolator", {})["known_com_P"] = own["payload"]["com_P"]
     buses = dict(base.get("bus", {}))
     for name, entries in _name_buses(own.pop("bus", {})).items():
         where = "bus" if name == OWN_BUS else f"bus.{name}"
         entries = dict(_check_table(entries, where))
-        remarks += put_modes(entries, "B", folder, where)
+        notes.remarks.extend(put_modes(entries, "B", folder, where))
         buses[name] = _complete_bus(entries, base.get("bus", {}), where)
     merged = _merge(base, own)
     merged["bus"] = buses
     return merged
+
+
+def _take_lengths(manipulator: Table, lengths: dict[str, float]) -> None:
+    """Take the nominal lengths out of the legs' tables."""
+    for kind in LEGS:
+        legs = manipulator.get(kind)
+        for number, leg in enumerate(legs if isinstance(legs, list) else [], 1):
+            if isinstance(leg, dict) and "length" in leg:
+                name = f"{kind}[{number}]"
+                lengths[name] = check_number(leg.pop("length"), f"manipulator.{name}.length", above=0.0)
+
+
+def _check_lengths(manipulator: Manipulator, lengths: dict[str, float]) -> None:
+    """Raise ParameterError for a leg whose stated nominal length is not the distance of its joints."""
+    for name, found in zip(_list_legs(), manipulator.geometry.nominal_lengths, strict=True):
+        if abs(lengths.get(name, found) - found) > CLOSED:
+            raise ParameterError(
+                f"manipulator.{name}.length", f"{lengths[name]:g} m, but at the nominal pose its joints are "
+                f"{found:.6g} m apart: the chain does not close; check base_joint_B, platform_joint_P (in P) and "
+                "nominal_translation_B",
+            )  # fmt: skip
+
+
+def describe_geometry(manipulator: Manipulator) -> tuple[list[str], list[str]]:
+    """Lines on lengths, reach and conditioning of a mechanism; and warnings where one of these is unusual."""
+    geometry, paper = manipulator.geometry, load().manipulator.geometry
+    lengths, (low, high) = geometry.nominal_lengths, 1e3 * geometry.coarse_stroke
+    reach, usual = (np.degrees(pure_limits(one)) for one in (geometry, paper))
+    ends = np.radians(reach.T[:, :, None] * np.eye(3)).reshape(-1, 3)
+    orientations = np.vstack([np.zeros(3), ends])
+    pose = inverse_kinematics(geometry, orientations)
+    J_lp = platform_jacobian(geometry, pose.translation_B, rotation_matrix(orientations))
+    conditions = condition_number(geometry, J_lp)
+    angles = ", ".join(f"{name} {a:.1f} to {b:.1f}" for name, (a, b) in zip(ANGLES, reach, strict=True))
+    lines = [
+        f"legs at the nominal pose: coarse {_list_mm(lengths[:3])} mm, fine {_list_mm(lengths[3:])} mm; coarse stroke "
+        f"{low:g} to {high:g} mm",
+        f"reach of each angle alone: {angles} deg; condition number {conditions[0]:.2f}, up to {conditions.max():.2f}",
+    ]
+    warnings = [
+        f"the mechanism reaches {a:.1f} to {b:.1f} deg of {name}, the published one {c:.1f} to {d:.1f} deg: look at "
+        "nominal_translation_B, coarse_stroke and the joints, if less is not meant"
+        for name, (a, b), (c, d) in zip(ANGLES, reach, usual, strict=True)
+        if min(a / c, b / d) < SMALL_REACH
+    ]
+    if conditions.max() > LARGE_CONDITION:
+        warnings.append(
+            f"the legs are close to singular: condition number {conditions.max():.1f} within reach (published "
+            "mechanism: 4.6); move the joints apart"
+        )
+    legs = manipulator.coarse_legs + manipulator.fine_legs
+    for name, leg, length in zip(_list_legs(), legs, lengths, strict=True):
+        for part in ("lower", "upper"):
+            if not 0.0 <= (distance := getattr(leg, part).com_distance) <= length:
+                warnings.append(
+                    f"manipulator.{name}.{part}.com_distance: {distance:g} m lies outside of the leg, which is "
+                    f"{length:.4g} m long"
+                )
+    return lines, warnings
+
+
+def _list_legs() -> list[str]:
+    return [f"{kind}[{number}]" for kind in LEGS for number in (1, 2, 3)]
+
+
+def _list_mm(lengths: Array) -> str:
+    return ", ".join(f"{1e3 * length:.1f}" for length in lengths)
 
 
 def _merge(base: Table, own: Table) -> Table:
@@ -278,9 +368,9 @@ def _list_inherited(own: Table, whole: Table) -> Iterator[str]:
     """What the file leaves to its base, by the names of ``whole``, which has all: whole tables, then single entries."""
     own = {**own, "payload": dict(own["payload"])} if own.get("payload") else own
     if (payload := own.get("payload", {})).keys() & FLEXIBLE:
-        payload.setdefault("truss_modes", [])
+        payload |= {"truss_modes": [], "modes": []}
     if "finite_elements" in payload:
-        payload |= {name: payload.get(name) for name in ("mass", "com_P", "inertia_P")}
+        payload |= dict.fromkeys(("mass", "com_P", "inertia_P"))
     known = "com_P" in payload  # the isolator has it from there
     yield from (name for name in TABLES if name not in own and not (name == "isolator" and known))
     for name in (name for name in TABLES if name in own and name != "bus"):

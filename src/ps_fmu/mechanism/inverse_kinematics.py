@@ -259,6 +259,8 @@ def _bound(legs: Array) -> float:
 # A pose computed to lie on the limit of the stroke still counts as within: rounding of a length is far
 # smaller.
 STROKE_TOLERANCE = 1e-12  # m
+_SCAN = 60  # points of a curve of orientations, before bisection
+_HALVINGS = 40  # of an interval of such a curve: 1e-12 of it
 
 
 def stroke_margin(geometry: Geometry, coarse_displacement: Array) -> Array:
@@ -276,6 +278,37 @@ def reachable(geometry: Geometry, pose: InversePose) -> BoolArray:
     """Whether a pose exists with d_f = 0, within the stroke and nonsingular; (...), bool."""
     nonsingular = _conditions(geometry, pose) <= LARGEST_CONDITION
     return np.asarray(pose.solved & within_stroke(geometry, pose.coarse_displacement) & nonsingular)
+
+
+def reach_along(geometry: Geometry, orientation_at: Callable[[Array], Array], n: int, longest: float) -> Array:
+    """How far n curves of orientations can be followed from where they start, (n,), before one is out of reach.
+
+    Parameters
+    ----------
+    orientation_at: parameters (m, n) of the curves -> orientations (m, n, 3), roll, pitch, yaw, rad.
+    longest: parameter at which the search ends; the result is that where everything is within reach.
+
+    A first look in steps of ``longest / 60`` finds where a curve leaves the workspace, bisection the place.  A curve
+    that does not even start within reach has -1.
+    """
+    steps = np.linspace(0.0, longest, _SCAN + 1)[:, None] * np.ones(n)
+    within = reachable(geometry, inverse_kinematics(geometry, orientation_at(steps)))
+    left = ~within.all(axis=0)
+    first = np.argmin(within, axis=0)  # out of reach, where ``left``
+    low = np.where(left, np.maximum(first - 1, 0), _SCAN) * (longest / _SCAN)
+    high = np.where(left, low + longest / _SCAN, longest)
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        inside = reachable(geometry, inverse_kinematics(geometry, orientation_at(middle[None])))[0]
+        low, high = np.where(inside, middle, low), np.where(inside, high, middle)
+    return np.where(within[0], np.where(left, low, longest), -1.0)
+
+
+def pure_limits(geometry: Geometry) -> Array:
+    """How far each angle alone can go, the other two at zero: (3, 2), smallest and largest, rad."""
+    axes = np.concatenate([-np.eye(3), np.eye(3)])
+    reach = reach_along(geometry, lambda angle: angle[..., None] * axes, 6, np.radians(40.0))
+    return np.column_stack([-reach[:3], reach[3:]])
 
 
 def why_unreachable(geometry: Geometry, pose: InversePose) -> str | None:

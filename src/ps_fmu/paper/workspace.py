@@ -7,20 +7,16 @@ singular.  The paper walks over that surface in steps of 2 mm (section 4.1).
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..mechanism.inverse_kinematics import inverse_kinematics, reachable
+from ..mechanism.inverse_kinematics import reach_along
 from ..mechanism.kinematics import ForwardPose, Geometry, condition_number, forward_kinematics, platform_jacobian
 from ..mechanism.quantities import Array
 from ..mechanism.rotations import roll_pitch_yaw, rotation_from_vector
 
 STEP = 2e-3  # m, of the paper
-_SCAN = 60  # points of a ray, before bisection
-_HALVINGS = 40  # of a ray's interval: 1e-12 of it
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,37 +72,6 @@ def sample(geometry: Geometry, coarse_displacement: Array) -> Sample:
     return Sample(
         coarse_displacement, pose, pose.orientation, singular_values, condition_number(geometry, J_lp)
     )
-
-
-def reach_along(geometry: Geometry, orientation_at: Callable[[Array], Array], n: int, longest: float) -> Array:
-    """How far n curves of orientations can be followed from where they start, (n,), before one is out of reach.
-
-    Parameters
-    ----------
-    orientation_at: parameters (m, n) of the curves -> orientations (m, n, 3), roll, pitch, yaw, rad.
-    longest: parameter at which the search ends; the result is that where everything is within reach.
-
-    A first look in steps of ``longest / 60`` finds where a curve leaves the workspace, bisection the place.  A curve
-    that does not even start within reach has -1.
-    """
-    steps = np.linspace(0.0, longest, _SCAN + 1)[:, None] * np.ones(n)
-    within = _reachable(geometry, orientation_at(steps))
-    left = ~within.all(axis=0)
-    first = np.argmin(within, axis=0)  # out of reach, where ``left``
-    low = np.where(left, np.maximum(first - 1, 0), _SCAN) * (longest / _SCAN)
-    high = np.where(left, low + longest / _SCAN, longest)
-    for _ in range(_HALVINGS):
-        middle = 0.5 * (low + high)
-        inside = _reachable(geometry, orientation_at(middle[None]))[0]
-        low, high = np.where(inside, middle, low), np.where(inside, high, middle)
-    return np.where(within[0], np.where(left, low, longest), -1.0)
-
-
-def pure_limits(geometry: Geometry) -> Array:
-    """How far each angle alone can go, the other two at zero: (3, 2), smallest and largest, rad."""
-    axes = np.concatenate([-np.eye(3), np.eye(3)])
-    reach = reach_along(geometry, lambda angle: angle[..., None] * axes, 6, np.radians(40.0))
-    return np.column_stack([-reach[:3], reach[3:]])
 
 
 def largest_cube(geometry: Geometry, across: int = 21) -> float:
@@ -177,7 +142,3 @@ def _twist_moves_all_legs_alike(geometry: Geometry) -> bool:
     per_leg = np.linalg.inv(platform_jacobian(geometry, pose.translation_B, pose.R))[:, 3:, :3]
     rates = np.linalg.solve(per_leg, pose.R[:, :, 2:])
     return bool(np.all(rates > 0.0) or np.all(rates < 0.0))
-
-
-def _reachable(geometry: Geometry, orientation: Array) -> NDArray[np.bool_]:
-    return reachable(geometry, inverse_kinematics(geometry, orientation))

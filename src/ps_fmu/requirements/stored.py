@@ -170,5 +170,5 @@ def _refuse_twin(record: RequirementRecord, path: Path, others: dict[Path, Requi
     for other, earlier in others.items():
         same = own == [distribution.identity for distribution in earlier.distributions]
         if same and any(peak for _, peak, _ in own):  # runs at rest are alike
-            raise ResultsError(f"{other} and {path} hold the same run: members of an ensemble need different seeds")
+            raise ResultsError(f"{other} and {path} are the same run: runs of an ensemble need different seeds")
 

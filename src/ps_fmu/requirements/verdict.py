@@ -124,6 +124,7 @@ def format_margin(percent: float) -> str:
 
 
 HEADER = ("requirement", "verdict", "signal", "run", "value", "bound", "limit", "margin")
+SIGNAL = HEADER.index("signal")
 
 
 def decide(stated: Statement, limit: float) -> Answer:
@@ -169,7 +170,7 @@ def judge(requirement: Requirement, case: str, runs: Sequence[RequirementRecord]
 def no_run(requirement: Requirement, cases: Sequence[str]) -> Verdict:
     """The verdict where none of the runs, ``cases``, has the name that the requirement asks for."""
     wanted, there = " or ".join(requirement.cases), ", ".join(cases) or "none"
-    remark = f"there is no run {wanted}; there are: {there}."
+    remark = f"there is no run {wanted}; there are: {there}"
     signal = ", ".join(requirement.signals)
     return Verdict(requirement, wanted, signal, Answer.OPEN, requirement.limit.value, None, remark)
 
@@ -178,7 +179,12 @@ def make_table(verdicts: Sequence[Verdict]) -> Table:
     """All verdicts as a table, numbers in the unit of the limit; below a verdict its remark."""
     remarks = [verdict.remark[:1].upper() + verdict.remark[1:] for verdict in verdicts]
     rows = [verdict.as_row() for verdict in verdicts]
-    return Table(f"Requirements: {summarise(verdicts)}", HEADER, rows, remarks)
+    header, owners = list(HEADER), {row[SIGNAL].strip("|").partition(".")[0] for row in rows if "." in row[SIGNAL]}
+    if len(owners) == 1 and "," not in "".join(row[SIGNAL] for row in rows):  # said once, and lines stay short
+        (owner,) = owners
+        header[SIGNAL] = f"{header[SIGNAL]} of {owner}"
+        rows = [(*row[:SIGNAL], row[SIGNAL].replace(f"{owner}.", "", 1), *row[SIGNAL + 1 :]) for row in rows]
+    return Table(f"Requirements: {summarise(verdicts)}", header, rows, remarks)
 
 
 def list_remarks(verdicts: Sequence[Verdict]) -> list[str]:

@@ -47,8 +47,8 @@ class Table:
         return self._align(next((widths for widths in tried if _add_up(widths) <= width), tried[-1]))
 
     def fits(self, width: int) -> bool:
-        """Whether :meth:`to_text` takes no more than ``width`` characters."""
-        return any(_add_up(widths) <= width for widths in self._try_widths())
+        """Whether :meth:`to_text` takes no more than ``width`` characters with all words whole."""
+        return any(_add_up(widths) <= width for widths in list(self._try_widths())[: 1 + len(LONGEST_CELLS)])
 
     def _try_widths(self) -> Iterator[list[int]]:
         """Widths of the columns, the widest first: lines whole; cells broken between words; words broken."""

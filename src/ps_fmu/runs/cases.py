@@ -267,7 +267,7 @@ def _list_connected(system: RunSystem, master: Master) -> Iterator[str]:
     sources = {str(connection.target): connection.source for connection in master.wiring.connections}
     for name, entry in system.given.items():
         if name in sources:
-            yield f"{name} ({entry.origin}) holds until the first exchange alone: it is connected to {sources[name]}"
+            yield f"{name} ({entry.origin}) acts only until the first exchange: it is connected to {sources[name]}"
 
 
 @contextmanager
@@ -349,5 +349,5 @@ def _describe(component: str, differences: list[Difference]) -> str:
     meant = component if len(differences) > 1 else f"{component}.{differences[0].quantity}"
     return (
         f"{component} describes another mechanism than the plant. {named}{more}. Set both alike in a parameter file "
-        f"(ps-fmu parameters writes the values of all FMUs from one file); if it is meant, say --apart {meant}"
+        f"(ps-fmu parameters writes the values of all FMUs from one file); if you mean it, give --apart {meant}"
     )

@@ -189,16 +189,17 @@ def read_run(output: Path) -> RunOptions:
     """
     document = _read(output)
     if document.get("complete") is not False:
-        raise OptionError(f"--resume: the run in {output} is complete: there is nothing to go on with")
+        raise OptionError(f"--resume: the run in {output} is complete, and there is nothing to resume")
     if (found := document.get("package")) != __version__:
-        raise OptionError(f"--resume: the run in {output} is of ps_fmu {found}, this is {__version__}: run it anew")
+        versions = f"is of ps_fmu {found}, this is {__version__}"
+        raise OptionError(f"--resume: the run in {output} {versions}: start the run again")
     try:
         scenario, files = find_scenario(document["scenario"]), {Path(p): text for p, text in document["files"].items()}
         if scenario is None:
-            raise OptionError(f"--resume: there is no scenario {document['scenario']!r} any longer")
+            raise OptionError(f"--resume: ps_fmu has no scenario {document['scenario']!r}")
         for path, sha256 in files.items():
             if not path.is_file() or compute_file_digest(path) != sha256:
-                raise OptionError(f"--resume: {path} is not as it was when the run began: run it anew")
+                raise OptionError(f"--resume: {path} has changed since the run began: start the run again")
         return replace(from_json(document["options"], scenario, output), resume=True)
     except OptionError:
         raise

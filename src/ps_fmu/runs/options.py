@@ -149,7 +149,7 @@ class RunOptions:
         if interval_s is not None:
             _check_time("--checkpoint", interval_s)
         if self.anew and source is None:
-            raise OptionError("--anew: is for a run that begins --from a checkpoint")
+            raise OptionError("--anew: only a run that begins --from a checkpoint takes it")
         if source is not None and not source.exists():
             raise OptionError(f"--from: there is no {source}")
         if source is not None and self.output.resolve() in (source.resolve(), *source.resolve().parents):
@@ -210,7 +210,7 @@ def make_options(what: str, output: Path, **given: Unpack[GivenOptions]) -> RunO
         raise OptionError(f"--fmus: there is no folder {fmus}")
     fmus = choose_fmus(system, fmus, outside=given.get("outside", False))
     if scenario is PLAIN and given.get("apart"):
-        raise OptionError("--apart: is for scenarios: in another system nothing is said of parameters that differ")
+        raise OptionError("--apart: only scenarios take it: they alone compare parameters with those of the plant")
     observe, isolate = given.get("observe", ()), given.get("isolate", False)
     try:
         timeouts = given.get("step_timeout"), given.get("call_timeout")
@@ -285,14 +285,14 @@ def choose_run(what: str, system: str | PathLike[str] | None = None) -> tuple[Sc
         return scenario, find_product().system / scenario.system if system is None else find_file(Path(system))
     if scenario is PLAIN:
         if system is None:
-            raise OptionError("SYSTEM: plain runs a system that is named: give it by --system, or in place of plain")
+            raise OptionError("SYSTEM: name the system that plain runs, with --system or in place of plain")
         return PLAIN, check_system(find_file(Path(system)))
     path = find_file(Path(what))
     if len(Path(what).parts) < 2 and path.suffix.lower() not in SUFFIXES and not path.exists():
         known = f"there are {', '.join(SCENARIOS)}, and files of any other system: {', '.join(SUFFIXES)}"
         raise OptionError(f"SCENARIO: there is no scenario {what!r}{suggest_names(what, SCENARIOS)} ({known})")
     if system is not None:
-        raise OptionError(f"--system: is for a scenario; {what} is a system itself")
+        raise OptionError(f"--system: only a scenario takes it, and {what} is a system itself")
     return PLAIN, check_system(path)
 
 

@@ -106,7 +106,8 @@ def _check_own(path: Path) -> None:
     """Raises :class:`OptionError` for a file or folder that no run of ps_fmu has written."""
     if path.exists() and not _is_own(path):
         raise OptionError(
-            f"--output: {path} is not of ps_fmu, and would be replaced: name another folder, or move it away"
+            f"--output: {path} was not written by ps_fmu, and the run would replace it: name another folder, or move "
+            "it away"
         )
 
 

@@ -104,7 +104,7 @@ def find(run: Run) -> Findings:
     """
     scenario = run.options.scenario
     if run.only and not scenario.alone:
-        raise OptionError(f"cases: the scenario {scenario.name} needs all of its cases")
+        raise OptionError(f"cases: the scenario {scenario.name} always runs all of its cases")
     for name in run.only:
         if name not in (known := scenario.find_cases()):
             raise OptionError(f"cases: there is no {name!r}{suggest_names(name, known)}; there are {', '.join(known)}")

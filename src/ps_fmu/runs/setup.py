@@ -190,11 +190,11 @@ def settle_times(options: RunOptions, files: SystemFiles) -> RunOptions:
     experiment = complete_experiment(files.structure, files.descriptions)
     step, duration = experiment.step if math.isnan(options.step_s) else options.step_s, options.duration_s
     if step is None:
-        raise OptionError(f"--step: neither {options.system} nor its FMUs state a step: say how many seconds")
+        raise OptionError(f"--step: neither {options.system} nor its FMUs state a step: give it in seconds")
     if math.isnan(duration):
         if experiment.stop_time is None:
             stated = f"neither {options.system} nor its FMUs state a stop time"
-            raise OptionError(f"--duration: {stated}: say how many seconds")
+            raise OptionError(f"--duration: {stated}: give it in seconds")
         duration = fit_duration(experiment.stop_time - experiment.start_time, step)
     return replace(options, step_s=step, duration_s=duration)
 

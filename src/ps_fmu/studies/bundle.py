@@ -107,8 +107,8 @@ def check_versions(expected: Mapping[str, str], own: Mapping[str, str], worker: 
     others = [f"{name} {own[name]} instead of {version}" for name, version in expected.items() if own[name] != version]
     if others:
         raise VersionError(
-            f"{worker} has {', '.join(others)}: rows would not be those of one study; install there what this command "
-            "has, or end that worker"
+            f"{worker} has {', '.join(others)}: its rows would differ from those of this study. Install the releases "
+            "of this command there, or end that worker"
         )
 
 

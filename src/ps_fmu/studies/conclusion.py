@@ -5,14 +5,10 @@ from __future__ import annotations
 import json
 import math
 import shlex
-import textwrap
-from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import msgspec
-import numpy as np
 
 from ..files.plain import write_atomically
 from ..pointing.confidence import Statement
@@ -20,10 +16,10 @@ from ..requirements.requirement import read_requirements
 from ..requirements.verdict import Answer
 from ..results.page.cases import CaseColumn, CaseTable, Mark
 from ..results.page.content import Exploration
-from ..results.report import Picture, Report
-from ..results.style import ACTIVE, PASSIVE, draw, engineering, largest, pretty
+from ..results.report import Report
 from ..results.summary import FmuFile, plain, versions
 from ..results.tables import Table, wrap_text
+from .case_figures import SHARE, draw_all
 from .outcome import (
     CONFIDENCE,
     PROBABILITIES,
@@ -40,11 +36,7 @@ from .rows import SIGNALS, list_reasons, list_stored
 from .study import LATIN, LIST, MORRIS, SAMPLES, SOBOL, SOBOL_INDICES
 from .sweep import Prepared, SweepOptions
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-SHARE, EFFECT = "share of the variance that each explains by itself", "mean magnitude mu* of the elementary effects"
+EFFECT = "mean magnitude mu* of the elementary effects"
 WORST_SHOWN = 1000  # of a study that is too large for the page: these are there in any case
 MOST_METRICS = 60
 CAPTION = (
@@ -52,10 +44,6 @@ CAPTION = (
     "lines in the distribution are percentiles over all cases. The filter takes the number of a case, or a condition "
     "such as mass > 51 on a column of the table, in its unit."
 )
-MOST_SHOWN = 9  # outputs of a figure
-MOST_FACTORS = 12  # bars of an output
-COLUMNS = 3
-MARKED = "95 %"  # the percentile that is drawn
 SUMMARY, REPORT = "summary.json", "study.html"
 MOST_ROWS = 40  # of a table on the page; all are in summary.json
 STRONGEST = 5  # factors in a row of the ranking
@@ -71,8 +59,9 @@ def tabulate_cases(outcome: Outcome, command: tuple[str, str]) -> CaseTable | No
     if not shown:
         return None
     parameters = [
-        CaseColumn(factor.name, factor.unit, draws, [level for level in factor.levels if isinstance(level, str)])
+        CaseColumn(factor.name, unit, scale * draws, [level for level in factor.levels if isinstance(level, str)])
         for factor, draws in zip(outcome.plan.factors, outcome.plan.draws.T, strict=True)
+        for unit, scale in [factor.shown]
     ]
     metrics = [
         CaseColumn(
@@ -355,119 +344,22 @@ def describe_parameters(outcome: Outcome) -> dict[str, object]:
     """What the page says of the plan."""
     found: dict[str, object] = {}
     for factor in outcome.plan.factors:
-        spread = factor.spread
+        spread, (unit, scale) = factor.spread, factor.shown
         if spread is None:
-            text = ", ".join(map(str, factor.levels[:10])) + (" ..." if len(factor.levels) > 10 else "")
-        elif spread.sigma:
-            text = f"normal, mean {spread.mean:g}, sigma {spread.sigma:g}"
-            if math.isfinite(spread.low) or math.isfinite(spread.high):
-                text += f", from {spread.low:g} to {spread.high:g}"
+            shown = [f"{scale * x:.9g}" if isinstance(x, float) else str(x) for x in factor.levels[:10]]
+            text = ", ".join(shown) + (" ..." if len(factor.levels) > 10 else "")
         else:
-            text = f"uniform, from {spread.low:g} to {spread.high:g}"
-        found[factor.name] = f"{text} {factor.unit}; sets {', '.join(factor.targets)}"
+            text = f"from {scale * spread.low:g} to {scale * spread.high:g}"
+            if spread.sigma:
+                limits = f", {text}" if math.isfinite(spread.low) or math.isfinite(spread.high) else ""
+                text = f"normal, mean {scale * spread.mean:g}, sigma {scale * spread.sigma:g}{limits}"
+            else:
+                text = f"uniform, {text}"
+            if spread.multiple_of:
+                text += f", multiples of {scale * spread.multiple_of:g}"
+        found[factor.name] = f"{text} {unit}; sets {', '.join(factor.targets)}"
     return found
 
 
 def _is_bounded(stated: Statement) -> bool:
     return math.isfinite(stated.lower) and math.isfinite(stated.upper)
-
-
-def draw_all(table: CaseTable, headlines: int, folder: Path) -> list[Picture]:
-    """Draw all figures into a folder; the pictures with their captions.  Raises ``OSError``.
-
-    ``headlines``: so many of the metrics, from the first one on, are shown.
-    """
-    shown = table.metrics[: min(headlines, MOST_SHOWN)]
-    ranked = [metric for metric in shown if np.isfinite(metric.ranking).any()]
-    pictures = []
-    if len(table) > 1:
-        path = folder / "distribution.png"
-        _draw_grid(path, shown, 3.1, _draw_distribution)
-        caption = f"Values of all cases. Blue: {MARKED} percentile; orange: limit of the requirement."
-        pictures.append(Picture(path, caption))
-    if ranked:
-        path, names = folder / "sensitivity.png", [parameter.title for parameter in table.parameters]
-        height = 1.5 + 0.32 * min(MOST_FACTORS, len(names))
-        _draw_grid(path, ranked, height, lambda axes, metric: _draw_ranking(axes, metric, names, table.measure))
-        pictures.append(Picture(path, f"What the outputs depend on: {table.measure}."))
-        if len(names) > 1:
-            path = folder / "scatter.png"
-            _draw_scatter(path, table, ranked[0])
-            caption = f"All cases over the two parameters that {ranked[0].title} depends on most."
-            pictures.append(Picture(path, caption))
-    return pictures
-
-
-def _draw_grid(
-    path: Path, metrics: Sequence[CaseColumn], height: float, paint: Callable[[Axes, CaseColumn], None]
-) -> None:
-    columns = min(COLUMNS, len(metrics))
-    rows = -(-len(metrics) // columns)
-
-    def paint_all(figure: Figure) -> None:
-        grid = figure.subplots(rows, columns, squeeze=False).ravel()
-        for axes, metric in zip(grid, metrics, strict=False):
-            paint(axes, metric)
-            axes.set_title(_wrap(metric.title), fontsize=10)
-        for axes in grid[len(metrics) :]:
-            axes.set_axis_off()
-
-    draw(path, 4.8 * columns, 0.4 + height * rows, paint_all)
-
-
-def _draw_distribution(axes: Axes, metric: CaseColumn) -> None:
-    """A histogram with a percentile and the limit."""
-    values = metric.values[np.isfinite(metric.values)]
-    factor, unit = engineering(metric.unit, largest((values,)))
-    axes.hist(factor * values, bins=min(60, max(5, round(2.0 * len(values) ** (1 / 3)))), color="#BBBBBB")
-    for mark in metric.marks:
-        if mark.label == MARKED:
-            axes.axvline(factor * mark.value, color=ACTIVE)
-    if metric.limit is not None:
-        axes.axvline(factor * metric.limit, color=PASSIVE)
-    axes.set_xlabel(unit or "1")
-    axes.set_ylabel("cases")
-
-
-def _draw_ranking(axes: Axes, metric: CaseColumn, names: Sequence[str], measure: str) -> None:
-    """Bars of each parameter, the strongest on top."""
-    order = [place for place in _order(metric) if np.isfinite(metric.ranking[place])][:MOST_FACTORS][::-1]
-    axes.barh(range(len(order)), np.asarray(metric.ranking)[order], color=ACTIVE)
-    axes.set_yticks(range(len(order)), [_wrap(names[place], 22) for place in order], fontsize=10)
-    if measure == SHARE:
-        axes.set_xlim(0.0, 1.0)
-    axes.set_xlabel(_wrap(measure))
-
-
-def _draw_scatter(path: Path, table: CaseTable, metric: CaseColumn) -> None:
-    """All cases over the two strongest parameters, coloured by the metric."""
-    x, y = (table.parameters[place] for place in _order(metric)[:2])
-    there = np.isfinite(metric.values)
-    factor, unit = engineering(metric.unit, largest((metric.values,)))
-
-    def paint(figure: Figure) -> None:
-        axes = figure.subplots()
-        size = 36.0 if there.sum() < 500 else 9.0
-        shown = axes.scatter(x.values[there], y.values[there], c=factor * metric.values[there], s=size, cmap="viridis")
-        if not there.all():
-            axes.scatter(x.values[~there], y.values[~there], color=PASSIVE, marker="x", label="no result")
-            axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0))
-        axes.set_xlabel(f"{x.title} ({pretty(x.unit) or '1'})")
-        axes.set_ylabel(f"{y.title} ({pretty(y.unit) or '1'})")
-        bar = figure.colorbar(shown, ax=axes)
-        bar.set_label(f"{metric.title} ({unit or '1'})", fontsize=11)
-        if metric.limit is not None:
-            bar.ax.axhline(factor * metric.limit, color=PASSIVE)
-
-    draw(path, 9.0, 6.0, paint)
-
-
-def _order(metric: CaseColumn) -> list[int]:
-    """Places of the parameters, the strongest first."""
-    strength = np.nan_to_num(np.abs(np.asarray(metric.ranking, dtype=float)))
-    return [int(place) for place in strength.argsort()[::-1]]
-
-
-def _wrap(text: str, width: int = 38) -> str:
-    """Lines of at most ``width`` characters; dots are places to break, too."""
-    return "\n".join(line.replace(". ", ".") for line in textwrap.wrap(text.replace(".", ". "), width))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -137,6 +138,17 @@ class Factor:
         """As the study calls it."""
         return self.vary.name
 
+    @property
+    def shown(self) -> tuple[str, float]:
+        """The unit in which the study states its values, and the factor into it from that of the draws."""
+        given = [number for key, number in self.vary.numbers.items() if key != "relative"]
+        with suppress(ValueError):
+            given += [parse_quantity(value) for value in self.vary.values[:1]]
+        for unit in (number.unit for number in given if number.unit):
+            with suppress(ValueError):
+                return unit, 1.0 / Quantity(1.0, unit).to(self.unit)
+        return self.unit, 1.0
+
     def draw(self, share: Array) -> Array:
         """Draws (n,) for shares (n,) between 0 and 1; levels have equal shares."""
         if self.spread is not None:
@@ -192,7 +204,7 @@ def _find_variables(
     variables = []
     for name in targets:
         if name in why_not:
-            raise vary.error("parameter", f"{name} {why_not[name]}: nothing can be set")
+            raise vary.error("parameter", f"{name} {why_not[name]}: a start value would have no effect")
         component, variable = system.structure.find_port(name)
         variables.append(index_variables(system.descriptions[component])[variable])
         if branch is not None and branch.keeps(name, system.descriptions):

@@ -96,7 +96,8 @@ def join_correlations(study: Study, names: Sequence[str]) -> Array | None:
         return None
     if study.plan in (GRID, LIST, SOBOL_INDICES, MORRIS):
         place = study.correlations[0].place
-        raise StudyError(f"{place}: the plan {study.plan!r} varies each by itself: nothing can be correlated")
+        why = f"the plan {study.plan!r} varies each parameter by itself"
+        raise StudyError(f"{place}: {why}: a correlation is not possible")
     matrix = np.eye(len(names))
     stated: set[frozenset[str]] = set()
     for group in study.correlations:
@@ -344,7 +345,7 @@ def _convert_runs(
                     raise UsageError(f"there is no component {component!r}; there are {', '.join(descriptions)}")
                 variable = find_variable(descriptions[port.component], port.variable)
                 if name in fed:
-                    raise UsageError(f"{fed[name]}: nothing can be set")
+                    raise UsageError(f"{fed[name]}: a start value would have no effect")
                 if reason := explain_unvaried(variable):
                     raise UsageError(reason)
                 found[run][name] = convert_level(variable, value)

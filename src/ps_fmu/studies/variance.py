@@ -259,6 +259,7 @@ def describe_shape(factor: Factor, draws: Array, values: Array, share: float) ->
     valley, peak = rises(least, 0) and rises(least, -1), rises(0, largest) and rises(-1, largest)
     if valley == peak:
         return "up and down" if valley else "rising" if curve[-1] > curve[0] else "falling"
-    digits = 1 - math.floor(math.log10(width))
-    where = f"{round(centre + float(at[least if valley else largest]) * width, digits):.10g}"
-    return f"{'least' if valley else 'largest'} near {where}" + ("" if factor.unit == "1" else f" {factor.unit}")
+    unit, scale = factor.shown
+    digits = 1 - math.floor(math.log10(scale * width))
+    where = f"{round(scale * (centre + float(at[least if valley else largest]) * width), digits):.10g}"
+    return f"{'least' if valley else 'largest'} near {where}" + ("" if unit == "1" else f" {unit}")

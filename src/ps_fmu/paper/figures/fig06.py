@@ -13,6 +13,7 @@ import numpy as np
 
 from ...analyses.result import AnalysisResult, Finding, paint_pictures
 from ...analyses.table import AnalysisOptions
+from ...mechanism.inverse_kinematics import pure_limits
 from ...mechanism.parameters import Array, load
 from ...results.style import ACTIVE, PASSIVE, REFERENCE
 from ...results.tables import Table
@@ -56,7 +57,7 @@ def compute_reach() -> Reach:
     return Reach(
         surface=surface,
         limits=np.degrees(workspace.limits(surface)),
-        pure=np.degrees(workspace.pure_limits(geometry)),
+        pure=np.degrees(pure_limits(geometry)),
         cube=float(np.degrees(workspace.largest_cube(geometry))),
         azimuth=np.degrees(azimuth),
         tilt=np.degrees(workspace.cone(geometry, azimuth)),

@@ -16,7 +16,7 @@ import numpy as np
 from ...cosim import System
 from ...cosim.description import read_descriptions
 from ...cosim.rows import make_layout
-from ...disturbance import multisine_lines
+from ...disturbance import Disturbance, multisine_lines
 from ...disturbance.noise import NoiseSettings
 from ...disturbance.recording import Recording
 from ...disturbance.spectrum import edge_frequencies, gaussian_density, to_origin
@@ -33,7 +33,7 @@ from ...interface.linear_system import (
     SystemModel,
     read_model,
 )
-from ...mechanism.quantities import Array, Complex
+from ...mechanism.quantities import Array, Complex, ParameterError
 from ...pointing.budget import Budget, Source, UncertaintyFactors, make_budget
 from ...pointing.modal import Resonance, find_resonances
 from ...pointing.spectra import gather_lines
@@ -238,6 +238,10 @@ class Line(NamedTuple):
 def _list_disturbances(circuit: Circuit, signals: Sequence[str], grid: Array, points: int) -> Iterator[Source]:
     """Noise by axis, recording by axis, wheels by harmonic, sines."""
     lines: list[Line] = []
+    try:
+        Disturbance(circuit.model.disturbance)  # which names the parameter of a file that cannot be used
+    except ParameterError as error:
+        raise ParameterError(f"{circuit.model.component(SOURCE)}.{error.name}", error.problem) from None
     for name, number, kind in circuit.model.disturbance.list_disturbances():
         where = f"{circuit.model.component(SOURCE)}.{name}"
         if isinstance(kind, NoiseSettings):

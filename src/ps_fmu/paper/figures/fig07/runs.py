@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from ....control.commander import DEFAULT_ALGORITHM_1
 from ....cosim import Value
-from ....mechanism.inverse_kinematics import Solver, inverse_kinematics, reachable, trilaterate
+from ....mechanism.inverse_kinematics import Solver, inverse_kinematics, reach_along, reachable, trilaterate
 from ....mechanism.kinematics import forward_kinematics
 from ....mechanism.parameters import Array, Geometry, load
 from ....runs.cases import Case, Outcome, run_case
@@ -31,7 +31,6 @@ from ....runs.setup import RunSystem
 from ....scenarios.comparison import TARGET
 from ....scenarios.jitter_record import ORIENTATION, REACHABLE
 from ...cosimulation import SampleRecord
-from ...workspace import reach_along
 
 PLANES = {"roll-pitch": (0, 1), "roll-yaw": (0, 2), "pitch-yaw": (1, 2)}
 _MARGIN = 0.98  # of the way to the end of a stroke
