@@ -57,7 +57,7 @@ def test_the_template_of_an_isolator_isolates_by_the_law_that_it_states(isolator
         expected[k + 1] = -32051.8 * elongation @ w - 900.0 * rate[k]
         integral, double = integral + 1e-3 * turned, double + 1e-3 * integral
     verify_claim(
-        "replace.law",
+        "run.own_isolator",
         claim="Force of the isolator that `ps-fmu new isolator` writes, in place of FeedforwardIsolator",
         where="`ps-fmu run isolation --replace isolator=MyIsolator.fmu`",
         reference="the law in its text, summed in numpy over the recorded rotation and rates",
