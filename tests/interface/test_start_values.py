@@ -300,7 +300,7 @@ def test_the_lines_of_the_page_run_and_print_what_it_shows(write, tmp_path, caps
     for source in (text, EXAMPLE.read_text(encoding="utf-8")):
         assert write(source)[0] == 0
         printed += capsys.readouterr().out
-    for first in ("payload.finite_elements:", "legs at the nominal pose:"):
+    for first in ("payload.finite_elements:", "legs at the nominal pose"):
         ((_, shown),) = [block for block in blocks if block[1].startswith(first)]
         assert shown in printed
 
