@@ -74,9 +74,9 @@ def test_runs_of_an_interrupted_analysis_are_not_among_those_of_the_next(tmp_pat
     monkeypatch.setattr(cosimulation, "provide_fmus", lambda folder, system: None)
     options = AnalysisOptions(tmp_path, tmp_path / "fmus", CHECKOUT / "system" / "SystemStructure.ssd", progress=False)
     with pytest.raises(KeyboardInterrupt), cosimulation.hold_run(options, SCENARIOS["table2"]) as run:
-        (run.output / "results.nc").write_text("interrupted, of ps_fmu")
+        (run.options.output / "results.nc").write_text("interrupted, of ps_fmu")
         raise KeyboardInterrupt
     with cosimulation.hold_run(options, SCENARIOS["table2"]) as run:
-        assert not (run.output / "results.nc").exists()
-        (run.output / "results.nc").write_text("complete")
-    assert (run.output / "results.nc").read_text() == "complete"
+        assert not (run.options.output / "results.nc").exists()
+        (run.options.output / "results.nc").write_text("complete")
+    assert (run.options.output / "results.nc").read_text() == "complete"

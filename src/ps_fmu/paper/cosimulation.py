@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 
 from ..analyses.table import AnalysisOptions
 from ..cosim import Column
@@ -11,19 +11,20 @@ from ..results.observers.sampler import SampleObserver
 from ..runs.built_fmus import provide_fmus
 from ..runs.options import RunOptions
 from ..runs.output import hold_folder
+from ..runs.run import Run
 from ..runs.scenario import Scenario
 
 
 @contextmanager
-def hold_run(options: AnalysisOptions, scenario: Scenario) -> Iterator[RunOptions]:
-    """Options of a scenario's runs, whose folder no other run can use during the body.
+def hold_run(options: AnalysisOptions, scenario: Scenario) -> Iterator[Run]:
+    """A scenario's runs, whose folder no other run can use during the body; their FMUs stay loaded from run to run.
 
     The folder has the scenario's name and is made beside the results of the analysis.  Then the FMUs are built if they
     are missing or older than their sources.
 
     Raises BuildError, OptionError.
     """
-    run = RunOptions(
+    own = RunOptions(
         scenario,
         options.system,
         options.output / scenario.name,
@@ -34,7 +35,7 @@ def hold_run(options: AnalysisOptions, scenario: Scenario) -> Iterator[RunOption
         progress=options.progress,
     ).claim_output()
     provide_fmus(options.fmus, options.system)
-    with hold_folder(run.output):
+    with hold_folder(own.output), closing(Run(own, reset=True)) as run:
         yield run
 
 

@@ -164,7 +164,7 @@ def _run(
         for text in texts:
             system.warnings.add(text)
         if options.observe and needs is not None:
-            master.record(_list_needed(system, options, case, master.columns, needs))
+            master.record(_list_needed(system, options, case, needs))
         master.initialise()
         analysis = analyse(master.columns)
         steps = round(duration / options.step_s)
@@ -201,12 +201,14 @@ def warn_of_loops(system: RunSystem, options: RunOptions, cases: Iterable[Case])
             system.warnings.add(f"Case {case.name}: {loop}. Its motion grows without limit, and the run stops.")
 
 
-def _list_needed(
-    system: RunSystem, options: RunOptions, case: Case, columns: Sequence[Column], needs: Collection[str]
-) -> set[str]:
-    """Names of the columns that are stored, observed or judged, as far as the system has them."""
-    seen = {*needs, *SIGNALS, *system.judge.list_signals(case.name, columns)}
-    return {*select_stored(columns, options.observe), *(column.name for column in columns if column.name in seen)}
+def _list_needed(system: RunSystem, options: RunOptions, case: Case, needs: Collection[str]) -> set[str]:
+    """Names of the columns that are stored, observed or judged, as far as the system has them.
+
+    Of all that it has: the case before may have needed others.
+    """
+    seen = {*needs, *SIGNALS, *system.judge.list_signals(case.name, system.columns)}
+    chosen = select_stored(system.columns, options.observe)
+    return {*chosen, *(column.name for column in system.columns if column.name in seen)}
 
 
 def _make_recorder(

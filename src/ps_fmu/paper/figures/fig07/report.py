@@ -86,9 +86,9 @@ def find(run: Run) -> Findings:
 def analyse(options: AnalysisOptions, scenario: Scenario = SCENARIOS["trajectories"]) -> AnalysisResult:
     """Run the paths of the scenario ``trajectories`` and the limits of the workspace, and draw the paths."""
     with hold_run(options, scenario) as run:
-        system = runs.load_quiet_system(Run(run))
-        results = runs.measure(system, run)
-        limits, beyond = runs.measure_limits(system, run, *extremes())
+        system = runs.load_quiet_system(run)
+        results = runs.measure(system, run.options)
+        limits, beyond = runs.measure_limits(system, run.options, *extremes())
     return AnalysisResult(
         name="trajectories",
         title="Trajectories: Fig 7, and the limits of Table 1",

@@ -78,7 +78,7 @@ def analyse(
     """Judge the four cases, measure their open loop and their time response on the FMUs, and draw them."""
     delay = paper_delay_s()
     with hold_run(options, scenario) as run:
-        responses = measure(load_shaken_system(Run(run)), run)
+        responses = measure(load_shaken_system(run), run.options)
     opened = measure_open_loops(options, delay, shaking)
     bar = tqdm(CASES, unit="case", disable=not options.progress, desc="stability")
     verdicts = {case: judge(case, delay) for case in bar}

@@ -145,10 +145,10 @@ def describe_second_axis(system: RunSystem, found: Mapping[str, Comparison]) -> 
 def analyse(options: AnalysisOptions, scenario: Scenario = SCENARIOS["table2"]) -> AnalysisResult:
     """Run the co-simulation, compute the closed forms, compare and draw."""
     with hold_run(options, scenario) as run:
-        measured = measure(Run(run))
+        measured = measure(run)
     parameters = load()
-    results = runs.compute_results(parameters, measured, run.step_s, options.seed)
-    densities = runs.nominal_densities(parameters, run.step_s)
+    results = runs.compute_results(parameters, measured, run.options.step_s, options.seed)
+    densities = runs.nominal_densities(parameters, run.options.step_s)
     return AnalysisResult(
         name="jitter",
         title="Jitter: Table 2 and Fig 9",
