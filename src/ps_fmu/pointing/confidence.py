@@ -185,7 +185,8 @@ def state_worst(each: Sequence[Statement], confidence: float) -> Statement:
 def gaussian_rms(rms: float, independent: float, confidence: float = 0.95) -> Statement:
     """State the RMS of a Gaussian error without bias from ``independent`` samples.
 
-    ``independent`` s^2 / sigma^2 has a chi-square distribution.  For a record the number of samples is ``effective_samples(values**2)``.
+    ``independent`` s^2 / sigma^2 follows a chi-square distribution.  For a record the number of samples is
+    ``effective_samples(values**2)``.
     """
     if not independent > 0.0:
         raise ValueError(f"independent: expected above 0, got {independent!r}")
