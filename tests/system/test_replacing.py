@@ -166,6 +166,9 @@ def test_what_is_listed_is_what_the_fmus_state(built_fmus, capsys):
     lines = capsys.readouterr().out.splitlines()
     assert max(map(len, lines)) <= 100
     assert any(re.fullmatch(r"plant\.payload_rotation\.\[xyz\] +reads +rad +Small rotation of P .*", x) for x in lines)
+    names = [line.split(" ")[0] for line in lines]
+    assert {"plant.fine_leg_{1..3}.stiffness", "plant.payload.mode_{1..12}.participation.tx"} < set(names)
+    assert "plant.fine_leg_2.base_joint.x" in names  # the joints differ
     assert main(["list", "slew", "isolator.*", "--needed"]) == 0
     assert re.findall(r"^isolator\S+", capsys.readouterr().out, re.M) == [
         "isolator.enabled",
