@@ -48,6 +48,7 @@ write(
     "telescope.toml",
     """
 base = "paper"
+tone = [{ frequency = "52 Hz", force = [0, "100 mN", 0] }]  # the cooler
 manipulator = { scale = 0.5, fine_legs = { stiffness = 8000.0, damping = 60.0 } }  # N/m, N.s/m
 [payload]
 mass = 6.5                                           # kg
@@ -68,7 +69,6 @@ frequency = 1.3                                      # Hz
 damping_ratio = 0.005
 [start.disturbance]
 noise.scale = 0.0003                                 # of a large spacecraft's
-tone_1 = { frequency = 52.0, force = [0.0, 0.1, 0.0] }  # Hz, N: the cooler
 """,
 )
 run("ps-fmu parameters telescope.toml --output telescope.ssv")

@@ -99,7 +99,7 @@ print("compiled:", host.stat().st_size // 1000, "kB")
 #
 # An FMU is a zip archive. The program needs the library in it, the URI of its resources, its
 # GUID, and the value references of the variables, which stand in ``modelDescription.xml``.
-# ``PS_FMU_PYTHON`` says which Python the FMU takes; without it the FMU looks for one on
+# ``PS_FMU_PYTHON`` names the Python that the FMU takes; without it the FMU looks for one on
 # ``PATH``.
 
 from ps_fmu.runs.built_fmus import find_built_folder

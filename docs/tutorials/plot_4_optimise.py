@@ -2,10 +2,10 @@
 Optimise the isolator
 =====================
 
-The isolator computes its forces from what it knows of the payload: mass, inertia and centre of
-mass. The published instrument knows the centre of mass with an error of some millimetres. This
-tutorial finds a better one from the residual motion alone, as one would in orbit: two
-parameters, with an optimiser of scipy.
+The isolator computes its forces from parameters of the payload: mass, inertia and centre of
+mass. In the published instrument its centre of mass is wrong by some millimetres. This
+tutorial finds a better one from the residual motion alone, as in orbit: two parameters,
+with an optimiser of scipy.
 """
 
 # %%
@@ -13,7 +13,7 @@ parameters, with an optimiser of scipy.
 # -------
 #
 # ``ps_fmu.Session`` keeps the FMUs loaded from run to run. ``cases`` asks for the case with the
-# isolator alone. The disturbance is made of lines of fixed amplitude, the same in each run, so
+# isolator alone. The disturbance is made of sines of fixed amplitude, the same in each run, so
 # that the result depends on the two parameters alone. The first two seconds, in which the
 # disturbance rises, do not count.
 
@@ -72,7 +72,7 @@ figure, axes = plt.subplots(layout="constrained")
 axes.plot(share, along, "o-")
 axes.axvline(0.0, color="0.6", linestyle=":")
 axes.axvline(1.0, color="0.6", linestyle="--")
-axes.set_xlabel("way from the published centre of mass (0) to the optimum (1)")
+axes.set_xlabel("from the published centre of mass (0) to the optimum (1)")
 axes.set_ylabel("residual rotation of the payload, RMS (nrad)")
 plt.show()
 

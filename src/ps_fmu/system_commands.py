@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
 import sys
 import textwrap
 from collections.abc import Iterator, Mapping
@@ -29,7 +30,9 @@ RUNS = {
 }
 WIDTH = 100  # characters of a line of the list
 GAP = 2  # characters between its columns
-LONGEST = (42, 5, 11, 8)  # characters of its columns: name, use, start, unit; longer texts have a line of their own
+NUMBER = re.compile(r"(?<=_)\d+(?=\.)")
+"""Of a thing that is one of several: ``fine_leg_1.stiffness``."""
+LONGEST = (44, 5, 11, 11)  # characters of its columns: name, use, start, unit; longer texts have a line of their own
 OPTIONS: Mapping[str, dict[str, Any]] = {
     "system": {
         "type": Path, "metavar": "FILE.ssd",
@@ -312,7 +315,8 @@ def _choose(rows: list[dict[str, Any]], options: argparse.Namespace) -> list[dic
 def _format_rows(rows: list[dict[str, Any]]) -> Iterator[str]:
     """A table of at most :data:`WIDTH` characters for the inputs, outputs and parameters of each component.
 
-    Components of a vector are one line, with a name that is a pattern, too: ``plant.los.[xy]``.
+    Components of a vector are one line, with a name that is a pattern, too: ``plant.los.[xy]``.  So are numbered things
+    that are alike: ``plant.fine_leg_{1..3}.stiffness``.
     """
     sections: dict[str, dict[tuple[str, ...], str]] = {}  # ends of names by all that components of a vector share
     for row in rows:
@@ -331,7 +335,24 @@ def _format_rows(rows: list[dict[str, Any]]) -> Iterator[str]:
         cells[common] = cells.get(common, "") + (end if vector else "")
     for title, cells in sections.items():
         lines = [(f"{name}[{ends}]" if ends[1:] else name + ends, *rest) for (name, *rest), ends in cells.items()]
-        yield from ("", title, *_align(lines))
+        yield from ("", title, *_align(_join_numbered(lines)))
+
+
+def _join_numbered(lines: list[tuple[str, ...]]) -> list[tuple[str, ...]]:
+    """One line for those that differ in a number of the name alone, if the numbers follow one another."""
+    alike: dict[tuple[str, ...], list[tuple[str, ...]]] = {}
+    for name, *rest in lines:
+        parts = NUMBER.split(name)
+        alike.setdefault((*parts, *rest) if len(parts) == 2 else (name, *rest), []).append((name, *rest))
+    joined = []
+    for members in alike.values():
+        numbers = [int(found[0]) for name, *_ in members if (found := NUMBER.findall(name))]
+        if len(members) > 1 and numbers == list(range(numbers[0], numbers[-1] + 1)):
+            name, *rest = members[0]
+            joined.append((NUMBER.sub(f"{{{numbers[0]}..{numbers[-1]}}}", name), *rest))
+        else:
+            joined += members
+    return joined
 
 
 def _align(lines: list[tuple[str, ...]]) -> Iterator[str]:

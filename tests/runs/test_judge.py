@@ -11,6 +11,7 @@ import pytest
 from support.claims import verify_claim
 from support.required import ENTRIES, to_toml
 
+from ps_fmu import Result
 from ps_fmu.cli import main
 from ps_fmu.paper.figures.table2 import runs as table2_runs
 from ps_fmu.requirements.requirement import read_requirements
@@ -64,6 +65,46 @@ def test_verdicts_are_on_the_terminal_in_the_summary_and_at_the_head_of_the_repo
     assert "Requirements: 4 of 4 are met" in text
     page = (options.output / "report.html").read_text()
     assert page.index("number 0") < page.index("FMUs in co-simulation: ") < page.index("Jitter of the payload")
+
+
+def test_indices_of_the_report_are_those_of_the_requirements(required):
+    """Window, percentage and unit; the numbers are those of the verdicts, which have records of their own."""
+    options = required(
+        {"case": ["passive", "active"], "index": "RPE", "at": "uniform", "window": "20 ms", "statistic": "quantile",
+         "probability": 0.9, "interpretation": "temporal", "limit": "2 nrad"},
+    )  # fmt: skip
+    execute(options)
+    value = {(v["case"], v["signal"]): v["value"] for v in read_verdicts(options)}
+    page = (options.output / "report.html").read_text()
+    for name in ROTATION:
+        row = re.search(rf"<td[^>]*>{re.escape(name)} \(nrad\)</td>.*?</tr>", page)[0]
+        cells = re.findall(r"<td[^>]*>([^<]*)</td>", row)
+        assert cells[1] == "RPE over 0.02 s, t uniform, 90 %"
+        shown = [float(cells[4]), float(cells[5])]
+        assert shown == pytest.approx([value["passive", name], value["active", name]], rel=3e-3)  # bins of a histogram
+    assert "passive RMS (nrad)" in page and "RPE over 1 s" not in page
+
+
+def test_the_drift_of_a_free_bus_is_said(required, tmp_path):
+    """A torque of 0.1 s leaves momentum: the line through the rows is what the remark states, of slow errors alone."""
+    rows = [f"{t:g},0,0,0,{float(t < 0.1):g},0,0" for t in np.arange(0.0, 0.401, 1e-3)]
+    path = tmp_path / "kick.csv"
+    names = [f"{kind}.{axis} [{unit}]" for kind, unit in (("force", "N"), ("torque", "N.m")) for axis in "xyz"]
+    path.write_text("\n".join([",".join(["time [s]", *names]), *rows]) + "\n")
+    slow = {"case": "passive", "signal": "plant.base_rotation.x", "limit": "1e-8 rad"}
+    fast = {**slow, "index": "jitter", "window": "20 ms"}
+    options = required(slow, fast, {**slow, "limit": "1 rad"}, disturbance=path)
+    execute(options)
+    remarks = [v["remark"] for v in read_verdicts(options)]
+    result = Result(options.output)
+    turned = result.passive["base_rotation"].sel(axis="x")
+    drift = np.polyfit(turned["time"], turned, 1)[0] * 0.4
+    stated = float(re.search(r"The signal drifts by (\S+) rad .* The bus has no attitude control", remarks[0])[1])
+    assert stated == pytest.approx(abs(drift), rel=0.01)
+    assert remarks[1:] == ["", ""]  # a fast error, and a drift that is small beside the limit
+    page = (options.output / "report.html").read_text()
+    assert "The recorded disturbance kick.csv acts from the start on." in page and "rises from zero" not in page
+    assert "Case passive: isolator off. Case active: isolator on." in page and "plant (ManipulatorPlant)" in page
 
 
 def test_one_that_is_not_met_fails_the_run_once_its_results_are_written(required, capsys):

@@ -57,7 +57,7 @@ def test_the_template_of_an_isolator_isolates_by_the_law_that_it_states(isolator
         expected[k + 1] = -32051.8 * elongation @ w - 900.0 * rate[k]
         integral, double = integral + 1e-3 * turned, double + 1e-3 * integral
     verify_claim(
-        "replace.law",
+        "run.own_isolator",
         claim="Force of the isolator that `ps-fmu new isolator` writes, in place of FeedforwardIsolator",
         where="`ps-fmu run isolation --replace isolator=MyIsolator.fmu`",
         reference="the law in its text, summed in numpy over the recorded rotation and rates",
@@ -166,6 +166,9 @@ def test_what_is_listed_is_what_the_fmus_state(built_fmus, capsys):
     lines = capsys.readouterr().out.splitlines()
     assert max(map(len, lines)) <= 100
     assert any(re.fullmatch(r"plant\.payload_rotation\.\[xyz\] +reads +rad +Small rotation of P .*", x) for x in lines)
+    names = [line.split(" ")[0] for line in lines]
+    assert {"plant.fine_leg_{1..3}.stiffness", "plant.payload.mode_{1..12}.participation.tx"} < set(names)
+    assert "plant.fine_leg_2.base_joint.x" in names  # the joints differ
     assert main(["list", "slew", "isolator.*", "--needed"]) == 0
     assert re.findall(r"^isolator\S+", capsys.readouterr().out, re.M) == [
         "isolator.enabled",

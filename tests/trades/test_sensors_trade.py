@@ -8,6 +8,8 @@ import pytest
 from support.claims import verify_claim
 
 from ps_fmu.analyses.table import AnalysisOptions
+from ps_fmu.cli import main
+from ps_fmu.cosim import read_system
 from ps_fmu.trades.sensors import report as sensors
 from ps_fmu.trades.sensors.results import CLASSES, CROSSOVERS, compute_trade, needed_density
 
@@ -87,6 +89,39 @@ def test_the_largest_noise_density_reaches_the_jitter():
         bound=0.0,
         unit="beyond the jitter",
     )
+
+
+def test_a_system_of_ones_own(built_fmus, tmp_path):
+    """The telescope on all eight FMUs: closed form and runs agree, and what is no noise is left out."""
+    own = tmp_path / "own.ssv"
+    assert main(["parameters", "telescope.toml", "--system", "FullInstrument.ssd", "--output", str(own)]) == 0
+    system = SYSTEM.with_name("FullInstrument.ssd")
+    options = AnalysisOptions(tmp_path, built_fmus, system, progress=False, parameters=(own,))
+    result = sensors.analyse(options, 20.0, {"navigation": (3.0,)}, corners=np.geomspace(0.03, 3.0, 4), points=120)
+    (run,) = result.data["runs"]
+    verify_claim(
+        "sensor.own_system",
+        claim="Residual jitter of an instrument of one's own behind real accelerometers, in closed form",
+        where="`ps-fmu analyse sensors --system ... --parameters ...`: terminal, report, sensors.json",
+        reference="run of all eight FMUs: 2 % for sampling and coils, and three standard deviations of the record",
+        error=abs(run["measured_rad"] / run["expected_rad"] - 1.0) / (0.02 + 3.0 * run["relative_standard_deviation"]),
+        bound=1.0,
+        unit="of what is allowed",
+    )
+    assert "Left out, since the trade is of the noise alone: wheel_1" in result.text[-1]
+
+
+def test_the_default_system_is_the_papers(built_fmus):
+    """Read from the FMUs' start values, and from the parameter set: the same numbers, to rounding."""
+    corners = np.array([0.03, 1.0])
+    of_fmus, of_paper = (
+        compute_trade(SYSTEM.parent / "parameters", corners, points=40, system=one)
+        for one in (read_system(SYSTEM, built_fmus), None)
+    )
+    for name in CLASSES:
+        for crossover in CROSSOVERS:
+            rms = [one.classes[name].sweeps[crossover].rms for one in (of_fmus, of_paper)]
+            np.testing.assert_allclose(*rms, rtol=1e-9)
 
 
 def test_the_answers(found):

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from ..cosim import System, UsageError, Value, read_parameters, read_system
-from ..cosim.description import index_variables, read_descriptions, read_start
+from ..cosim.description import read_descriptions
 from ..cosim.replacing import replace_components
 from ..cosim.structure import Parameter
 from ..product.files import find_product
@@ -67,34 +67,3 @@ def _set_values(system: System, given: Mapping[str, Parameter]) -> System:
         if port.variable in changed.component(port.component).parameters:
             checked.get_start(name)
     return changed
-
-
-def load_default_system(options: AnalysisOptions, name: str) -> System:
-    """As :func:`load_built_system`, for an analysis whose closed form is that of the product's system ``name`` alone.
-
-    Raises :class:`OptionError`, too: a component, a start value or a connection of the system is another one.
-    """
-    system, default = load_built_system(options), read_system(find_product().system / name, options.fmus)
-    found, expected = _list_start_values(system), _list_start_values(default)
-    changed = [f"{key} = {found.get(key)}, there {value}" for key, value in expected.items() if found.get(key) != value]
-    wires, wanted = ({f"{each.source} to {each.target}" for each in s.connections} for s in (system, default))
-    changed += [f"the connection {each}" for each in sorted(wires ^ wanted)]
-    if changed:
-        more = f", and {len(changed) - 1} more" if changed[1:] else ""
-        raise OptionError(
-            f"--system: {options.system} is not as {name} of ps_fmu: {changed[0]}{more}: the closed form that the FMUs "
-            "are compared with is of that system"
-        )
-    return system
-
-
-def _list_start_values(system: System) -> dict[str, object]:
-    """Values of all parameters by ``component.parameter``."""
-    return {
-        f"{component.name}.{name}": component.parameters[name].value
-        if name in component.parameters
-        else read_start(variable)
-        for component, description in zip(system.components, read_descriptions(system).values(), strict=True)
-        for name, variable in index_variables(description).items()
-        if variable.causality == "parameter"
-    }

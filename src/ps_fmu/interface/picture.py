@@ -30,9 +30,12 @@ def draw_instrument(p: Parameters, path: Path) -> None:
 
     Raises OSError where it cannot be written, ValueError for another ending.
     """
+    from matplotlib import rc_context
+
     content = io.BytesIO()
     metadata = {"Date": None} if path.suffix == ".svg" else None
-    make_figure(p).savefig(content, format=path.suffix.lstrip("."), metadata=metadata)
+    with rc_context({"svg.hashsalt": "ps_fmu"}):  # the same bytes each time
+        make_figure(p).savefig(content, format=path.suffix.lstrip("."), metadata=metadata)
     write_atomically(path, content.getvalue())
 
 
@@ -58,7 +61,7 @@ def make_figure(p: Parameters) -> Figure:
             axes.plot(*(1e3 * ends.T), color=colour, linewidth=4.0 if k < 3 else 2.2, zorder=3)
             for end, shape in zip(ends, ("o", "s"), strict=True):
                 axes.plot(*(1e3 * end), shape, color=colour, markerfacecolor="white", markersize=6.5, zorder=4)
-            _name(axes, ends, name, colour)
+            _name(axes, ends, 0.3 if k < 3 else 0.65, name, colour)
         _draw_frame(axes, np.zeros(2), view, "B", size, (-10, -10))
         _draw_frame(axes, geometry.nominal_translation_B[view], view, "P", size, (-10, 10))
         axes.plot(*(1e3 * com[view]), marker="P", color="black", markersize=9.0, linestyle="", zorder=5)
@@ -100,12 +103,12 @@ def _draw_bodies(axes: Any, lower: Array, upper: Array) -> None:
         axes.fill(*(1e3 * corners.T), facecolor="#f3f4f6", edgecolor=BODY, linewidth=1.2, zorder=1)
 
 
-def _name(axes: Any, ends: Array, name: str, colour: str) -> None:
-    """The name of a leg beside it, a third of the way up."""
+def _name(axes: Any, ends: Array, share: float, name: str, colour: str) -> None:
+    """The name of a leg beside it, where a ``share`` of its length is below."""
     along = ends[1] - ends[0]
     length = float(np.linalg.norm(along))
     aside = 12.0 * np.array([-along[1], along[0]]) / length if length > 0.0 else np.array([8.0, 8.0])
-    at = 1e3 * (ends[0] + along / 3.0)
+    at = 1e3 * (ends[0] + share * along)
     axes.annotate(
         name, at, aside, textcoords="offset points", color=colour, ha="center", va="center", fontsize=10, zorder=6,
         bbox={"boxstyle": "round,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.8},

@@ -29,7 +29,7 @@ import numpy as np
 from .dynamics import rigid_body_mass
 from .modes import MOST_BUS_MODES, MOST_PAYLOAD_MODES, move_participation
 from .parameters import build, refuse_unknown
-from .quantities import Array, Checked, ParameterError, check_whole, freeze, quantity
+from .quantities import LARGEST, Array, Checked, ParameterError, check_whole, freeze, quantity
 from .rotations import skew
 
 Table = dict[str, Any]
@@ -290,9 +290,12 @@ def read_structure(table: Any, frame: str, folder: Path, where: str) -> tuple[St
         mass, stiffness = (read_matrix(folder / getattr(model, name), name) for name in ("mass", "stiffness"))
         sight = read_matrix(folder / model.line_of_sight, "line_of_sight") if model.line_of_sight else None
         boundary = _read_boundary(model.boundary, frame)
-        structure = reduce_structure(mass, stiffness, boundary, model.axes, sight)
+        with np.errstate(over="raise", divide="raise", invalid="raise"):
+            structure = reduce_structure(mass, stiffness, boundary, model.axes, sight)
     except ParameterError as error:
         raise ParameterError(f"{where}.{error.name}", error.problem) from None
+    except (ArithmeticError, np.linalg.LinAlgError) as error:
+        raise ParameterError(f"{where}.mass", f"and stiffness cannot be reduced: {error}") from error
     return structure, model.damping_ratio, model.highest_frequency
 
 
@@ -304,23 +307,29 @@ def read_matrix(path: Path, name: str) -> Array:
     from scipy import io
 
     try:
+        if not path.is_file():
+            raise FileNotFoundError(0, "there is no such file")
         if path.stat().st_size > LONGEST_MATRIX:
             raise ValueError(f"has more than {LONGEST_MATRIX} bytes")
         if path.suffix == ".npy":
             found = np.load(path, mmap_mode="r", allow_pickle=False)  # a file shorter than its head says is refused
             _check_size(found.shape)
         elif path.suffix == ".mtx":
-            rows, columns, _, _, field, _ = io.mminfo(path)
+            rows, columns, entries, _, field, _ = io.mminfo(path)
             _check_size((rows, columns))
+            if entries > rows * columns:
+                raise ValueError(f"states {entries} entries, more than it has places")
             if field not in ("real", "integer", "double", "unsigned-integer"):
                 raise ValueError(f"holds {field} numbers, expected real ones")
             found = io.mmread(path)
             found = found if isinstance(found, np.ndarray) else found.toarray()
         else:
             raise ValueError("expected a Matrix Market file (.mtx) or a numpy file (.npy)")
-        return freeze(np.asarray(found, dtype=np.float64), found.shape, name)
-    except ParameterError:
-        raise
+        matrix = np.array(found, dtype=np.float64)
+        if (wild := np.argwhere(~(np.abs(matrix) <= LARGEST))).size:
+            row, column = wild[0]
+            raise ValueError(f"row {row + 1}, column {column + 1} is {matrix[row, column]}: expected up to {LARGEST:g}")
+        return matrix
     except (OSError, ValueError, OverflowError, TypeError, MemoryError, EOFError) as error:
         raise ParameterError(name, f"{path}: {error.strerror if isinstance(error, OSError) else error}") from error
 

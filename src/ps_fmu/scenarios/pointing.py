@@ -58,10 +58,10 @@ NEEDS = (
 WHEEL = {"disturbance.wheel_1.enabled": True}
 
 HOW = (
-    "The isolator's accelerometers hold the payload above the split frequency, the line-of-sight loop below it. The "
-    "target's attitude in inertial space goes to the tracker, the roll, pitch and yaw that lead there from the initial "
-    "attitude of the base to the commander. While the target is out of the tracker's field, or hidden, the loop keeps "
-    "its last force."
+    "The isolator holds the payload by its accelerometers above the crossover frequency, and the line-of-sight loop "
+    "holds it below. The tracker gets the target's attitude in inertial space; the commander gets the roll, pitch and "
+    "yaw that lead there from the initial attitude of the base. While the target is hidden, or out of the tracker's "
+    "field, the loop keeps its last force."
 )
 
 

@@ -86,30 +86,30 @@ def describe(pointing: Pointing) -> list[str]:
 def _describe_margins(axes: Sequence[AxisMargins], common: CommonMargins) -> str:
     judged: list[AxisMargins | CommonMargins] = [*axes, common]
     kept = "kept" if all(map(keeps_margins, judged)) else "NOT kept"
-    delay = "any delay" if np.isinf(common.delay_s) else f"a delay of {1e3 * common.delay_s:.0f} ms"
+    delay = "by no delay" if np.isinf(common.delay_s) else f"by an added delay of {1e3 * common.delay_s:.0f} ms"
     way = "falls" if common.lowers else "rises"
     gain, phase = min(axis.gain_db for axis in axes), min(axis.phase_deg for axis in axes)
     return (
-        f"Least margins in closed form, one axis changed: {gain:.1f} dB and {phase:.0f} deg. All axes changed alike: "
-        f"{common.gain_db:.1f} dB and {common.phase_deg:.0f} deg; it is at its edge when the gain of all {way} by so "
-        f"much, at {common.gain_hz:.3g} Hz, and stands {delay}. All axes changed at the same time, each by itself: "
-        f"{common.disk_gain_db:.1f} dB and {common.disk_phase_deg:.0f} deg (disk margin). {LEAST_GAIN_DB:g} dB and "
-        f"{LEAST_PHASE_DEG:g} deg, one axis or all alike, are {kept}."
+        f"Least margins in closed form. One axis changed: {gain:.1f} dB and {phase:.0f} deg. All axes changed alike: "
+        f"{common.gain_db:.1f} dB and {common.phase_deg:.0f} deg; the loop becomes unstable at {common.gain_hz:.3g} Hz "
+        f"when the gain of all axes {way} by this much, and {delay}. Each axis changed by itself, all at once: "
+        f"{common.disk_gain_db:.1f} dB and {common.disk_phase_deg:.0f} deg (disk margin). The required "
+        f"{LEAST_GAIN_DB:g} dB and {LEAST_PHASE_DEG:g} deg, for one axis and for all alike, are {kept}."
     )
 
 
 def _describe_run(pointing: Pointing) -> list[str]:
     on, off, plan = pointing.on, pointing.off, pointing.on.plan
     angles = ", ".join(f"{angle:g}" for angle in pointing.target_deg)
-    said = [f"At {plan.start_s:g} s the target moves to ({angles}) deg; commander and tracker are told."]
+    said = [f"At {plan.start_s:g} s the target moves to ({angles}) deg, for commander and tracker."]
     if on.arrival_s is None:
         return [*said, "The run ends before the commanded motion does. Run longer."]
     said.append(f"The commanded motion ends at {on.arrival_s:.2f} s.")
     late = off.span(*_after(off))
     left = float(np.sqrt(np.mean(off.distance[late] ** 2)))
     said.append(
-        f"Without the loop the line of sight is then {left:.3g} rad RMS ({np.degrees(left):.2g} deg) off: of what is "
-        "slower than the split, such as the turn of the bus by the slew, nothing tells the isolator."
+        f"Without the loop the line of sight is then {left:.3g} rad RMS ({np.degrees(left):.2g} deg) off the target: "
+        "the isolator does not measure motion below its high-pass frequency, such as the turn of the bus by the slew."
     )
     if not on.locks:
         return [*said, "The tracker did not lock: the error stayed outside its acquisition field."]
@@ -322,12 +322,12 @@ def _chart_split(pointing: Pointing) -> ChartGroup:
         for label, colour, share in parts
     ]
     return ChartGroup(
-        "Complementary split of isolator and loop",
+        "Crossover between isolator and loop",
         "Shares of the bus's rotation: cancelled by the isolator, cancelled by the loop, left to the payload. They add "
         "up to one, as complex numbers.",
         Axis("frequency", "Hz", frequency, logarithmic=True),
         [Chart("share of the bus's rotation", "1", curves, logarithmic=True)],
-        marked=[(f"split, {corner:g} Hz", corner)],
+        marked=[(f"crossover, {corner:g} Hz", corner)],
         stills=[Still("pointing_split.png")],
     )
 

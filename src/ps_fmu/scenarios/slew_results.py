@@ -18,7 +18,7 @@ from ..mechanism.kinematics import KinematicsError
 from ..mechanism.momentum import find_reaction
 from ..mechanism.parameters import ParameterError
 from ..mechanism.rotations import orientation_rate_map
-from ..requirements.verdict import Answer, count_answers
+from ..requirements.verdict import Answer, count_answers, format_margin
 from ..results.page.content import VerdictRow
 from ..results.tables import Table, format_angles, format_number
 from ..runs.setup import RunSystem
@@ -215,7 +215,7 @@ class OrientationRequirement:
     def as_row(self) -> tuple[str, ...]:
         """What, isolator, answer, error and limit (deg), margin."""
         answer = self.answer if self.answer is Answer.MET else self.answer.upper()
-        margin = f"{100.0 * (1.0 - self.error_deg / REQUIRED_DEG):.1f} %" if self.settled else "-"
+        margin = format_margin(100.0 * (1.0 - self.error_deg / REQUIRED_DEG)) if self.settled else "-"
         return self.what, self.isolator, str(answer), f"{self.error_deg:.1e}", f"{REQUIRED_DEG:g}", margin
 
     def as_dict(self) -> dict[str, object]:

@@ -265,11 +265,11 @@ def _tabulate_percentiles(outcome: Outcome) -> Table:
     for one in outcome.percentiles:
         if one.output.name in shown and len(rows) < MOST_ROWS:
             cells = [
-                f"{stated.value:.4g}" + (f" ({stated.lower:.4g} to {stated.upper:.4g})" if _is_bounded(stated) else "")
+                f"{stated.value:.3g}" + (f" ({stated.lower:.3g} to {stated.upper:.3g})" if _is_bounded(stated) else "")
                 for stated in one.stated
             ]
-            rows.append((one.output.title, one.output.unit, f"{one.mean:.4g}", f"{one.std:.3g}", *cells,
-                         f"{one.largest:.4g}"))  # fmt: skip
+            rows.append((one.output.title, one.output.unit, f"{one.mean:.3g}", f"{one.std:.3g}", *cells,
+                         f"{one.largest:.3g}"))  # fmt: skip
     header = ("output", "unit", "mean", "std", *(f"{100 * p:g} %" for p in PROBABILITIES), "largest")
     bounded = f", with {100 * CONFIDENCE:g} % intervals" if outcome.is_sample else ""
     return Table(f"Percentiles over the cases{bounded}", header, rows)

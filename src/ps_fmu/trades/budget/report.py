@@ -12,7 +12,7 @@ from tqdm import tqdm
 from ...analyses.result import AnalysisResult, paint_pictures
 from ...analyses.system import load_own_systems
 from ...analyses.table import SYSTEM, AnalysisOptions
-from ...interface.linear_system import STEP
+from ...interface.linear_system import STEP, Circuit
 from ...mechanism.quantities import Array
 from ...pointing.budget import UncertaintyFactors, drop_source
 from ...product.files import find_product
@@ -68,7 +68,10 @@ def analyse(options: AnalysisOptions, points: int = POINTS) -> AnalysisResult:
     return AnalysisResult(
         name="budget",
         title="Who eats the pointing error?",
-        text=[*_explain(factors, entries), *(f"{name}: {text}" for name, text in _list_sentences(entries))],
+        text=[
+            *_explain(factors, entries),
+            *(f"{name}: {text}" for name, text in (*_list_sentences(entries), *_list_reserves(entries))),
+        ],
         tables=list(_tabulate(entries)),
         pictures=_draw(options, entries),
         data={"budgets": [_describe(entry) for entry in entries]},
@@ -95,6 +98,14 @@ def _explain(factors: UncertaintyFactors, entries: Sequence[SignalBudget]) -> It
             for factor, low, high in zip(factors.factors, edges[:-1], edges[1:], strict=True)
         ]
         yield f"All numbers have uncertainty factors on the amplitude: {', '.join(parts)}."
+
+
+def _list_reserves(entries: Sequence[SignalBudget]) -> Iterator[tuple[str, str]]:
+    """How far each system, active, is from instability; an unstable one has no budget."""
+    for model in {entry.model.name: entry.model for entry in entries}.values():
+        reserve = Circuit(model, active=True).find_reserve()
+        more = "; ps-fmu analyse stability finds its least damped poles and margins"
+        yield model.name, f"active, the linear model is stable{more if reserve is None else f': {reserve}'}."
 
 
 def _list_sentences(entries: Sequence[SignalBudget]) -> Iterator[tuple[str, str]]:

@@ -9,21 +9,25 @@ import numpy as np
 from tqdm import tqdm
 
 from ...analyses.result import AnalysisResult, paint_pictures
-from ...analyses.system import load_default_system
+from ...analyses.system import load_own_systems
 from ...analyses.table import SYSTEM, AnalysisOptions
+from ...cosim import System
 from ...pointing import PointingIndex
+from ...product.files import find_product
 from ...results.style import AXES, REFERENCE
 from ...results.tables import Table
 from .comparison import (
     APART,
     JOINT,
     ORIENTATIONS,
-    SETTLING,
     SIGNALS,
     Comparison,
+    Orientations,
+    find_settling,
     list_cases,
     list_indices,
     measure,
+    read_orientation,
     share_held,
 )
 
@@ -46,33 +50,40 @@ def analyse(
 ) -> AnalysisResult:
     """Run the FMUs for ``duration``, s, in each case, and compare the indices, by default those of the closed form.
 
-    ``points``: frequencies of the closed form, see :class:`.comparison.ClosedForm`.
+    The default system at the orientations of Table 2 of the paper; another one, or with other start values, at the
+    target of its commander.  ``points``: frequencies of the closed form, see :class:`.comparison.ClosedForm`.
     """
     indices = list_indices() if indices is None else indices
-    system = load_default_system(options, SYSTEM)
-    with tqdm(total=len(list_cases()), unit="run", desc="indices", disable=not options.progress) as bar:
-        compared = measure(system, indices, duration, options.seed, points, bar.update)
+    (system,) = load_own_systems(options)
+    default = options.system.resolve() == (find_product().system / SYSTEM).resolve()
+    own = options.parameters or options.replace or not default
+    orientations = read_orientation(system) if own else ORIENTATIONS
+    cases = list_cases(orientations)
+    with tqdm(total=len(cases), unit="run", desc="indices", disable=not options.progress) as bar:
+        compared = measure(system, indices, duration, options.seed, points, bar.update, orientations)
     return AnalysisResult(
         name="indices",
         title="Pointing indices: the FMUs beside the closed form",
-        text=describe(compared, duration),
-        tables=[_make_summary(compared), *(_make_table(compared, *case) for case in list_cases())],
+        text=describe(compared, system, orientations, duration),
+        tables=[_make_summary(compared, orientations), *(_make_table(compared, *case) for case in cases)],
         pictures=paint_pictures(
-            options.output, "indices", ("intervals", CAPTION, (16.0, 15.0), paint_comparisons, compared)
+            options.output, "indices", ("intervals", CAPTION, (16.0, 15.0), paint_comparisons, compared, orientations)
         ),
         data=_make_entry(compared, duration),
     )
 
 
-def describe(compared: Sequence[Comparison], duration: float) -> list[str]:
+def describe(
+    compared: Sequence[Comparison], system: System, orientations: Orientations, duration: float
+) -> list[str]:
     """What was compared, and what came of it."""
     outside = [each for each in compared if not each.holds]
     far = max(compared, key=lambda each: abs(each.stated.value / each.expected - 1.0))
     worst = "; ".join(_name(each) for each in outside[:5]) or "none"
     return [
-        f"The default system with its Gaussian disturbance, {duration:g} s at each of four orientations after "
-        f"{SETTLING:g} s of settling, without and with the isolator. Rotation of the payload and of its line of sight. "
-        f"The windows of the drift error (PDE) lie {APART} windows apart from start to start.",
+        f"{system.path.stem} with its Gaussian disturbance, {duration:g} s at each orientation after "
+        f"{find_settling(system):.3g} s of settling, without and with the isolator. Rotation of the payload and of its "
+        f"line of sight. The windows of the drift error (PDE) lie {APART} windows apart from start to start.",
         "Closed form: plant, isolator, holds and the exchange of a step as a discrete linear system, exactly; the "
         "density of the noise as its generator makes it; the weights of sampled data. Nothing is fitted. The noise has "
         "sharp band edges, hence no state space of finite order: the integral runs over frequencies.",
@@ -94,12 +105,12 @@ def _mode(active: bool) -> str:
     return "active" if active else "passive"
 
 
-def _make_summary(compared: Sequence[Comparison]) -> Table:
+def _make_summary(compared: Sequence[Comparison], orientations: Orientations) -> Table:
     rows = []
-    for name, active in list_cases():
+    for name, active in list_cases(orientations):
         own = [each for each in compared if (each.orientation, each.active) == (name, active)]
         ratios = np.array([each.stated.value / each.expected - 1.0 for each in own])
-        angles = "({:g}, {:g}, {:g})".format(*ORIENTATIONS[name])
+        angles = "({:g}, {:g}, {:g})".format(*orientations[name])
         rows.append(
             (
                 angles, _mode(active), str(sum(each.holds for each in own)), str(len(own)),
@@ -158,12 +169,12 @@ _SHOWN = dict(zip(SIGNALS[:3], zip(AXES, (-0.22, 0.0, 0.22), strict=True), stric
 _RANGE = (0.6, 1.6)  # of the ratio: intervals of slow indices go on beyond it
 
 
-def paint_comparisons(figure: Figure, compared: Sequence[Comparison]) -> None:
+def paint_comparisons(figure: Figure, compared: Sequence[Comparison], orientations: Orientations) -> None:
     """A panel for each orientation, passive above and active below; x, y, z of the payload side by side."""
     names = list(dict.fromkeys(each.index for each in compared))
-    panels = figure.subplots(2, len(ORIENTATIONS), sharex=True, sharey=True)
+    panels = figure.subplots(2, len(orientations), sharex=True, sharey=True, squeeze=False)
     for row, active in zip(panels, (False, True), strict=True):
-        for axes, (name, angles) in zip(row, ORIENTATIONS.items(), strict=True):
+        for axes, (name, angles) in zip(row, orientations.items(), strict=True):
             own = [each for each in compared if (each.orientation, each.active) == (name, active)]
             _paint(axes, own, names)
             mode = "active" if active else "passive"

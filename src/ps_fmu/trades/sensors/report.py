@@ -9,7 +9,7 @@ import numpy as np
 from tqdm import tqdm
 
 from ...analyses.result import AnalysisResult, paint_pictures, tabulate
-from ...analyses.system import load_default_system
+from ...analyses.system import load_own_systems
 from ...analyses.table import AnalysisOptions
 from ...mechanism.parameters import Array
 from ...product.files import find_product
@@ -27,6 +27,7 @@ from .results import (
     Point,
     Trade,
     compute_trade,
+    keep_noise,
     measure_bias,
     measure_points,
     needed_density,
@@ -55,17 +56,20 @@ def analyse(
 
     ``points``: frequencies of the integrals besides those around the resonances.
     """
-    system = load_default_system(options, "InertialSensors.ssd")
-    trade = compute_trade(find_product().system / "parameters", corners, points)
+    system, left = keep_noise(load_own_systems(options)[0])
+    trade = compute_trade(find_product().system / "parameters", corners, points, system)
     runs = sum(map(len, measured_corners.values())) + 1
     with tqdm(total=runs, unit="run", desc="sensors", disable=not options.progress) as bar:
-        answer = measure_bias(system, trade.isolation)
+        answer = measure_bias(system, trade.design)
         bar.update()
         measured = measure_points(system, trade, duration, options.seed, measured_corners, bar.update)
     return AnalysisResult(
         name="sensors",
         title="Which accelerometer does the isolator need?",
-        text=paragraphs(trade, measured, answer, duration),
+        text=[
+            *paragraphs(trade, measured, answer, duration),
+            *([f"Left out, since the trade is of the noise alone: {', '.join(left)}."] if left else []),
+        ],
         tables=[_goal_table(trade), _class_table(trade), _point_table(measured)],
         pictures=paint_pictures(
             options.output,
@@ -97,16 +101,17 @@ def paragraphs(trade: Trade, measured: Sequence[Point], answer: BiasAnswer, dura
     helped = [name for name, value in best.items() if value < trade.passive]
     looped = {name: min(found.sweeps[last].rms) for name, found in trade.classes.items()}
     better = [name for name, value in looped.items() if value < trade.loops_alone[last]]
-    worst = max(measured, key=lambda p: abs(p.deviations))
+    worst = max(measured, key=lambda p: abs(p.deviations), default=None)
+    accelerometers = int(np.count_nonzero(trade.design.sensors.enabled[:12]))
     error = float(np.abs(answer.measured - answer.expected).max() / np.abs(answer.expected).max())
     return [
         "The isolator integrates the measured acceleration of the base twice. Noise of the accelerometers does so too: "
         "its share of the variance falls with the third power of the high-pass corner, while below the corner the "
         "disturbance is left. So each class of parts has a best corner. All numbers are the RMS rotation of the line "
-        "of sight, about x and y of P together, with nine accelerometers 0.5 m from the axis of the manipulator. An "
-        "arm twice as long halves the noise of the angular acceleration.",
-        f"Passive jitter is {_micro(trade.passive)} urad, most of it between 0.1 and 0.2 Hz. Without a line-of-sight "
-        f"loop these classes bring less than that at the best corner: {', '.join(helped) or 'none'}. All classes: "
+        f"of sight, about x and y of P together, with {accelerometers} accelerometers. An arm twice as long halves the "
+        "noise of the angular acceleration.",
+        f"Passive jitter is {_micro(trade.passive)} urad. Without a line-of-sight loop these classes bring less than "
+        f"that at the best corner: {', '.join(helped) or 'none'}. All classes: "
         + ", ".join(f"{name} {_micro(value)} urad" for name, value in best.items())
         + ".",
         f"A line-of-sight loop with a crossover of {last:g} Hz alone, isolator off, leaves "
@@ -118,8 +123,10 @@ def paragraphs(trade: Trade, measured: Sequence[Point], answer: BiasAnswer, dura
         f"answer to a bias of 1 ug of one sensor, corner {BIAS_CORNER:g} Hz, is that of the closed form within "
         f"{100.0 * error:.1f} % of its largest value. The line-of-sight loop integrates twice at low "
         "frequencies, and takes the offset away, as long as it lies within the strokes and the field of view.",
-        f"The runs of the FMUs (multisine disturbance, one period of {duration:g} s) deviate from the closed form of "
-        f"its lines by up to {100.0 * max(abs(p.deviation) for p in measured):.1f} %, and by "
+        "All of these corners are unstable, so the FMUs were not run."
+        if worst is None
+        else f"The runs of the FMUs (multisine disturbance, one period of {duration:g} s) deviate from the closed form "
+        f"of its lines by up to {100.0 * max(abs(p.deviation) for p in measured):.1f} %, and by "
         f"{abs(worst.deviations):.1f} standard deviations of the sensors' noise in a record as long at most "
         f"({worst.name}, {worst.corner:g} Hz).",
         _describe_unstable(trade),
@@ -267,7 +274,7 @@ def paint_choice(figure: Figure, trade: Trade, points: Sequence[Point]) -> None:
         xlim=(density[0], density[-1]), ylim=(0.1, 200.0),
     )  # fmt: skip
     figure.legend(loc="outside lower center", ncols=2, fontsize=11)
-    figure.suptitle("Which accelerometer for which jitter?  Nine of them, 0.5 m from the axis")
+    figure.suptitle("Which accelerometer for which jitter?")
 
 
 def paint_corners(figure: Figure, trade: Trade, points: Sequence[Point]) -> None:

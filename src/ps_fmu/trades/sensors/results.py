@@ -16,13 +16,15 @@ import numpy as np
 from ...control.pointing import PointingLaw
 from ...cosim import System, Value, read_parameters
 from ...disturbance import multisine_lines, psd_at_origin
-from ...mechanism.parameters import Array, load
-from ...mechanism.quantities import Complex, replace_values
+from ...disturbance.noise import NoiseSettings
+from ...interface.linear_system import PLANT, POINTING, SOURCE, Circuit, LinearModelError, read_model
+from ...mechanism.parameters import Array, Noise, load
+from ...mechanism.quantities import Complex, replace_values, take_values
 from ...results.observers.sampler import SampleObserver
 from ...results.observers.statistics import Statistics
 from ...runs.runner import compute
 from ...sensors.inertial import InertialSensors, default_sensors
-from ...sensors.line_of_sight import DEFAULT_TRACKER
+from ...sensors.line_of_sight import DEFAULT_TRACKER, Tracker
 from ...theory.line_of_sight import Timing
 from ...theory.loop import loop_at
 from ...theory.sensed_isolation import (
@@ -93,58 +95,120 @@ class ClassResult:
 
 
 @dataclass(frozen=True, eq=False)
+class Design:
+    """What the trade is of, but for the accelerometers' class and the corner."""
+
+    isolation: SensedIsolation
+    law: PointingLaw  # of the line-of-sight loop
+    sensors: InertialSensors  # their places
+    tracker: Tracker
+
+    @classmethod
+    def of_system(cls, system: System | None, points: int) -> Design:
+        """The design of a system, which has accelerometers; None: that of the paper.
+
+        ``points``: of the integrals besides those around the resonances.  Raises LinearModelError or ParameterError:
+        there is no closed form of the system, or an impossible value; UnstableError: the isolator is unstable.
+        """
+        p = load()
+        law = PointingLaw.from_parameters(p)
+        if system is None:
+            isolation = SensedIsolation(loop_at(p), p.bus, p.noise, STEP, points=points)
+            return cls(isolation, law, default_sensors(), DEFAULT_TRACKER)
+        model = read_model(system, STEP)
+        Circuit(model.without_pointing(), active=True).require_stable()
+        if model.sensors is None:
+            needed = "take InertialSensors.ssd, or another system with the component sensors"
+            raise LinearModelError(f"{system.path.name}: the system has no accelerometers: {needed}")
+        source = model.disturbance
+        found = next(kind for _, _, kind in source.list_disturbances() if isinstance(kind, NoiseSettings))
+        if not found.enabled or found.spectrum:
+            problem = "a spectrum from a file has no place in it" if found.spectrum else "switch it on"
+            where = f"{model.component(SOURCE)}.noise"
+            raise LinearModelError(f"{where}: the trade is of the noise by wrench_psd; {problem}")
+        known = {name: one.value for name, one in system.component(model.component(PLANT)).parameters.items()}
+        if POINTING in model.components:
+            own = system.component(model.component(POINTING)).parameters
+            known |= {name: one.value for name, one in own.items()}
+        loop = model.loop.with_delay(model.isolator_delay)
+        noise = Noise(found.band, found.scale**2 * found.wrench_psd_B)
+        isolation = SensedIsolation(loop, replace(p.bus, com_B=source.bus.com_B), noise, STEP, points=points)
+        return cls(isolation, take_values(law, known), model.sensors, model.tracker or DEFAULT_TRACKER)
+
+
+def keep_noise(system: System) -> tuple[System, list[str]]:
+    """The system without start values of other disturbances than the noise, which are off then; their names."""
+    left: list[str] = []
+    components = []
+    for one in system.components:
+        own = dict(one.parameters)
+        if one.source.stem == SOURCE:
+            left = [name for name in own if not name.startswith(("noise.", "bus.", "seed", "rise_time"))]
+            own = {name: entry for name, entry in own.items() if name not in left}
+        components.append(replace(one, parameters=own))
+    return replace(system, components=tuple(components)), sorted({name.partition(".")[0] for name in left})
+
+
+@dataclass(frozen=True, eq=False)
 class Trade:
     """All of it."""
 
-    isolation: SensedIsolation
+    design: Design
     corners: Array  # of the high-pass in all sweeps, (n,), Hz
     passive: float  # RMS of the line of sight without isolator and loop, rad
     loops_alone: Mapping[float, float]  # with a loop and without isolator, by crossover, rad
     white: Mapping[float | None, Sweep]  # with white noise of a density of one, by crossover
     classes: Mapping[str, ClassResult]
 
+    @property
+    def isolation(self) -> SensedIsolation:
+        """Plant, isolator and disturbance."""
+        return self.design.isolation
 
-def compute_trade(parameters: Path, corners: Array = CORNERS, points: int = 500) -> Trade:
-    """All sweeps, from the parameter files of the classes in a folder.
 
-    Raises CosimError or ParameterError for a file that cannot be used.
+def compute_trade(
+    parameters: Path, corners: Array = CORNERS, points: int = 500, system: System | None = None
+) -> Trade:
+    """All sweeps, from the parameter files of the classes in a folder, for a system, by default that of the paper.
+
+    Raises CosimError or ParameterError for a file that cannot be used, and as :meth:`Design.of_system`.
     """
-    p = load()
-    isolation = SensedIsolation(loop_at(p), p.bus, p.noise, STEP, points=points)
-    loops = {crossover: _make_loop(crossover) for crossover in CROSSOVERS}
-    base = default_sensors()
-    unit = with_noise(base, 1.0)
-    white = {key: _sweep(isolation, unit, corners, loop) for key, loop in loops.items()}
-    classes = {name: _compute_class(isolation, name, parameters, corners, loops) for name in CLASSES}
+    design = Design.of_system(system, points)
+    isolation, tracker = design.isolation, design.tracker
+    loops = {crossover: _make_loop(crossover, design) for crossover in CROSSOVERS}
+    unit = with_noise(design.sensors, 1.0)
+    white = {key: _sweep(design, unit, corners, loop) for key, loop in loops.items()}
+    classes = {name: _compute_class(design, name, parameters, corners, loops) for name in CLASSES}
     off = isolation.solve(None, 1.0)
     alone = {}
     for crossover, loop in loops.items():
         if crossover is not None and loop is not None:
-            found = line_of_sight(_all_but_sensors(isolation.solve(None, 1.0, loop)))
+            found = line_of_sight(_all_but_sensors(isolation.solve(None, 1.0, loop), tracker))
             alone[crossover] = found if isolation.is_stable(None, 1.0, loop) else np.inf
-    return Trade(isolation, corners, line_of_sight(off.covariance(off.disturbance_density)), alone, white, classes)
+    return Trade(design, corners, line_of_sight(off.covariance(off.disturbance_density)), alone, white, classes)
 
 
-def read_class(parameters: Path, name: str) -> tuple[InertialSensors, dict[str, Value]]:
-    """Sensors of a class, and its start values by ``component.parameter``, from its file in a folder."""
+def read_class(parameters: Path, name: str, base: InertialSensors) -> tuple[InertialSensors, dict[str, Value]]:
+    """Sensors of a class in the places of others, and its start values by name, from its file in a folder."""
     values = dict(read_parameters(parameters / f"sensors_{name}.ssv"))
     own = {key.removeprefix("sensors."): value for key, value in values.items()}
-    return replace_values(default_sensors(), own), values
+    return replace_values(base, own), values
 
 
 def needed_density(trade: Trade, crossover: float | None, goal: float) -> float | None:
     """Largest noise density, m/s2/sqrt(Hz), at which the best corner is within a goal, rad; None: none of them."""
     white = trade.white[crossover]
     left = goal**2 - white.disturbance - white.tracker  # for the variance by the sensors, at each corner
-    return float(np.sqrt((left / white.sensors).max())) if (left > 0.0).any() else None
+    reached = left > 0.0  # of unstable loops it is not
+    return float(np.sqrt((left[reached] / white.sensors[reached]).max())) if reached.any() else None
 
 
 def _compute_class(
-    isolation: SensedIsolation, name: str, parameters: Path, corners: Array, loops: Mapping[float | None, Pointing]
+    design: Design, name: str, parameters: Path, corners: Array, loops: Mapping[float | None, Pointing]
 ) -> ClassResult:
-    sensors, values = read_class(parameters, name)
-    offsets = [_offset(isolation.solve(sensors, corner), sensors) for corner in corners]
-    sweeps = {key: _sweep(isolation, sensors, corners, loop) for key, loop in loops.items()}
+    sensors, values = read_class(parameters, name, design.sensors)
+    offsets = [_offset(design.isolation.solve(sensors, corner), sensors) for corner in corners]
+    sweeps = {key: _sweep(design, sensors, corners, loop) for key, loop in loops.items()}
     return ClassResult(name, sensors, values, sweeps, np.array(offsets))
 
 
@@ -163,42 +227,40 @@ def _offset(found: Responses, sensors: InertialSensors) -> float:
     return float(np.sqrt(total))
 
 
-def _make_loop(crossover: float | None) -> Pointing:
+def _make_loop(crossover: float | None, trade_design: Design) -> Pointing:
     if crossover is None:
         return None
-    law = PointingLaw.from_parameters(load())
+    law, tracker = trade_design.law, trade_design.tracker
     ratio = crossover / law.loop.crossover_frequency
     design = replace(law.loop, crossover_frequency=crossover, integral_frequency=ratio * law.loop.integral_frequency)
-    tracker = DEFAULT_TRACKER
     timing = Timing(sample_time=tracker.sample_time, latency=tracker.latency, step=STEP)
     return law.with_design(design).controller(np.zeros(3)), timing
 
 
-def _sweep(isolation: SensedIsolation, sensors: InertialSensors, corners: Array, loop: Pointing) -> Sweep:
-    return Sweep(*np.array([_compute_variances(isolation, sensors, corner, loop) for corner in corners]).T)
+def _sweep(design: Design, sensors: InertialSensors, corners: Array, loop: Pointing) -> Sweep:
+    return Sweep(*np.array([_compute_variances(design, sensors, corner, loop) for corner in corners]).T)
 
 
 def _compute_variances(
-    isolation: SensedIsolation, sensors: InertialSensors, corner: float, loop: Pointing
+    design: Design, sensors: InertialSensors, corner: float, loop: Pointing
 ) -> tuple[float, float, float]:
     """By disturbance, sensors and tracker, rad2; infinite where the loops are unstable."""
-    if not isolation.is_stable(sensors, corner, loop):
+    if not design.isolation.is_stable(sensors, corner, loop):
         return np.inf, np.inf, np.inf
-    one = isolation.solve(sensors, corner, loop)
+    one = design.isolation.solve(sensors, corner, loop)
     left, noise, tracked = (
         line_of_sight(one.covariance(density)) ** 2
-        for density in (one.disturbance_density, one.noise_density(sensors), _tracker(one))
+        for density in (one.disturbance_density, one.noise_density(sensors), _tracker(one, design.tracker))
     )
     return left, noise, tracked
 
 
-def _tracker(found: Responses) -> Array:
-    tracker = DEFAULT_TRACKER
+def _tracker(found: Responses, tracker: Tracker) -> Array:
     return found.tracker_density(tracker.noise_equivalent_angle_P, tracker.sample_time)
 
 
-def _all_but_sensors(found: Responses) -> Array:
-    return found.covariance(found.disturbance_density + _tracker(found))
+def _all_but_sensors(found: Responses, tracker: Tracker) -> Array:
+    return found.covariance(found.disturbance_density + _tracker(found, tracker))
 
 
 @dataclass(frozen=True)
@@ -239,8 +301,16 @@ def measure_points(
     corners: Mapping[str, tuple[float, ...]] = MEASURED_CORNERS,
     progress: Callable[[], object] | None = None,
 ) -> list[Point]:
-    """Run each class at its corners for ``duration``, s, after the filters have settled.  Raises CosimError."""
-    cases = [(name, corner) for name, of_class in corners.items() for corner in of_class]
+    """Run each class at its corners for ``duration``, s, after the filters have settled.  Raises CosimError.
+
+    Corners at which the isolator is unstable are left out.
+    """
+    cases = [
+        (name, corner)
+        for name, of_class in corners.items()
+        for corner in of_class
+        if trade.isolation.is_stable(trade.classes[name].sensors, corner)
+    ]
     noise, bus = trade.isolation.noise, trade.isolation.bus
     density = psd_at_origin(noise.wrench_psd_B, bus.com_B)
     frequency, wrench = multisine_lines(density, noise.band, seed, duration)
@@ -261,9 +331,10 @@ def find_settling(corner: float) -> float:
     return 3.0 + 4.0 / (2.0 * np.pi * corner * np.sqrt(0.5))
 
 
-def measure_bias(system: System, isolation: SensedIsolation, duration: float = 10.0) -> BiasAnswer:
+def measure_bias(system: System, design: Design, duration: float = 10.0) -> BiasAnswer:
     """Run without disturbance and noise, with a bias of 1 ug of one accelerometer.  Raises CosimError."""
     values: dict[str, Value] = {
+        **_open_loop(system),
         "disturbance.noise.enabled": False,
         "sensors.accelerometer.noise_density": 0.0,
         "sensors.accelerometer.bias_instability": 0.0,
@@ -276,17 +347,23 @@ def measure_bias(system: System, isolation: SensedIsolation, duration: float = 1
         system.with_parameters(values), STEP, duration,
         lambda columns: SampleObserver(columns, LINE_OF_SIGHT[:1], rows.tolist()), only=LINE_OF_SIGHT,
     )  # fmt: skip
-    error = default_sensors().estimator[:6, BIASED - 1] * MICRO_G
-    final = float(isolation.solve(default_sensors(), BIAS_CORNER).offset(error)[0])
+    error = design.sensors.estimator[:6, BIASED - 1] * MICRO_G
+    final = float(design.isolation.solve(design.sensors, BIAS_CORNER).offset(error)[0])
     time = np.asarray(rows * STEP, dtype=np.float64)
     decay = 2.0 * np.pi * BIAS_CORNER * np.sqrt(0.5)  # rad/s: damping and damped frequency of a Butterworth corner
     rise = 1.0 - np.exp(-decay * time) * (np.cos(decay * time) + np.sin(decay * time))
     return BiasAnswer(time, samples.values(*LINE_OF_SIGHT[:1])[:, 0], final * rise)
 
 
+def _open_loop(system: System) -> dict[str, Value]:
+    """Start values that switch a line-of-sight loop off."""
+    return {f"{one.name}.enabled": False for one in system.components if one.source.stem == POINTING}
+
+
 def _measure(system: System, trade: Trade, name: str, corner: float, duration: float, seed: int) -> float:
     """RMS of the line of sight in a run, rad."""
     values = {
+        **_open_loop(system),
         **trade.classes[name].values,
         "sensors.accelerometer.bias_spread": 0.0,  # jitter alone; what a bias does is another question
         "sensors.seed": seed,
