@@ -366,8 +366,8 @@ def _read_boundary(items: Any, frame: str) -> list[BoundaryNode]:
 def put_modes(own: Table, frame: str, folder: Path, where: str) -> list[str]:
     """Put modes as :mod:`.parameters` has them in place of the ``modes`` and ``finite_elements`` of a body's table.
 
-    Mass, centre of mass and inertia that the table does not give are those of the model.  What they have more than the
-    model is rigid.
+    Mass, centre of mass and inertia that the table does not give are those of the model.  The difference between them
+    and the model is rigid.
 
     Parameters
     ----------

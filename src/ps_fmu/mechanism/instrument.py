@@ -168,7 +168,7 @@ def _put_on_base(own: Table, base: Table, folder: Path, notes: _Notes) -> Table:
         base["manipulator"] = _scale(base["manipulator"], scale)
     _take_lengths(manipulator, notes.lengths)
     if "payload" in own:
-        if own["payload"].keys() & FLEXIBLE:  # who gives modes gives them all
+        if own["payload"].keys() & FLEXIBLE:  # they replace all modes of the base
             own["payload"].setdefault("truss_modes", [])
         notes.remarks.extend(put_modes(own["payload"], "P", folder, "payload"))
     if "com_P" in own.get("payload", {}) and "known_com_P" not in own.get("isolator", {}):
