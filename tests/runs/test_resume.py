@@ -171,7 +171,7 @@ def test_what_does_not_go_on_says_why_and_loses_nothing(stopped, run, tmp_path):
         ('"package": "', '"package": "0', "is of ps_fmu 0"),
         ('"seed": 1', '"seed": "1"', "is damaged"),
         ('"duration_s": 0.6', '"duration_s": "long"', "is damaged: duration_s: Expected `float`"),
-        ('"scenario": "isolation"', '"scenario": "nothing"', "there is no scenario 'nothing'"),
+        ('"scenario": "isolation"', '"scenario": "nothing"', "ps_fmu has no scenario 'nothing'"),
         ('"seed": 1,', "", "is damaged: seed"),
         ("own.toml", "other.toml", "has changed since the run began"),
         ("{", "[", "cannot be read"),
