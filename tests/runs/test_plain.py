@@ -332,7 +332,7 @@ def test_a_name_is_a_scenario_first_then_a_file(tmp_path, monkeypatch):
         ("slow", None, "there is no scenario 'slow'; did you mean slew"),
         ("./slew", None, "slew is another file"),
         ("a.ssd", Path("a.ssd"), "--system: only a scenario takes it"),
-        ("plain", None, "runs a system that is named"),
+        ("plain", None, "name the system that plain runs"),
     ):
         with pytest.raises(OptionError, match=reason):
             choose_run(what, other)
