@@ -331,7 +331,7 @@ def test_a_name_is_a_scenario_first_then_a_file(tmp_path, monkeypatch):
     for what, other, reason in (
         ("slow", None, "there is no scenario 'slow'; did you mean slew"),
         ("./slew", None, "slew is another file"),
-        ("a.ssd", Path("a.ssd"), "--system: is for a scenario"),
+        ("a.ssd", Path("a.ssd"), "--system: only a scenario takes it"),
         ("plain", None, "runs a system that is named"),
     ):
         with pytest.raises(OptionError, match=reason):

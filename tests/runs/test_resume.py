@@ -160,7 +160,7 @@ def run(capsys):
 def test_what_does_not_go_on_says_why_and_loses_nothing(stopped, run, tmp_path):
     code, said = run("--resume", stopped, "--step", "2e-4")
     assert code == 2
-    assert "--resume: a resumed run keeps its options, and --step cannot be given" in said
+    assert "--resume: a resumed run keeps its options, and --step is refused" in said
     code, said = run("--resume", tmp_path / "other")
     assert code == 2
     assert "there is no run with checkpoints in" in said
