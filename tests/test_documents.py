@@ -12,6 +12,7 @@ from support.models import load_script
 
 from ps_fmu.cli import main
 from ps_fmu.slavekit.pack.sources import _DATA
+from ps_fmu.studies import study
 
 ROOT = Path(__file__).parents[1]
 PLACES = "*.md", "fmus/**/*.md", "docs/**/*.md", "system/**/*.md"
@@ -151,3 +152,17 @@ def test_the_tutorial_of_ones_own_instrument_is_short():
     files = re.findall(r'write\(\s*"[\w.]+",\s*"""\n(.*?)"""', text, re.DOTALL)
     commands = re.findall(r"^run\(", text, re.MULTILINE)
     assert len(files) == 4 and 50 < sum(file.count("\n") for file in files) + len(commands) < 60
+
+
+@pytest.mark.parametrize(
+    ("title", "table"),
+    [
+        ("study", study._Study), ("from", study.Branch), ("vary", study.Vary), ("correlate", study.Correlation),
+        ("observe", study.Observed), ("signals", study.Signals),
+    ],
+)  # fmt: skip
+def test_the_reference_has_the_keys_of_a_study(title, table):
+    text = (ROOT / "docs" / "reference.md").read_text(encoding="utf-8")
+    start = re.search(rf"^\*\*`\[+{title}\]+`\*\*", text, re.MULTILINE).end()
+    part = text[start : re.search(r"^\*\*|^## ", text[start:], re.MULTILINE).start() + start]
+    assert [key for key in table.__struct_fields__ if not re.search(rf"`{key}\b", part)] == []

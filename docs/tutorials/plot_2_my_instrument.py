@@ -167,7 +167,7 @@ parameter = "isolator.delay"
 values = ["0 ms", "1 ms", "2 ms", "4 ms"]
 """,
 )
-run("ps-fmu sweep study.toml --output study", lines=20)
+run("ps-fmu sweep study.toml --output study", lines=24)
 
 # %%
 # A delay of 4 ms is too much. ``study/study.html`` shows each case and how to run it again.
@@ -186,7 +186,8 @@ run(
 )
 
 # %%
-# With an ideal gyroscope it halves the error about x. Change ``my_isolator.py``, build it again, and
+# The table *active / original* compares it with the isolator. With an ideal gyroscope it halves the
+# error within a second about x. Change ``my_isolator.py``, build it again, and
 # run: the page *My own controller or FMU* explains each line.
 
 shutil.rmtree(FOLDER)
