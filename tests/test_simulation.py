@@ -271,7 +271,7 @@ def test_files_and_systems_of_the_product_by_name(taken, built_fmus):
 
 
 def test_an_instrument_gives_the_rows_of_its_start_values(tmp_path, built_fmus):
-    """As the command writes them; parameters win, and of a session the last ones."""
+    """As the command writes them; parameters and their files win."""
     source, path = tmp_path / "mine.toml", tmp_path / "mine.ssv"
     source.write_text('base = "paper"\n[manipulator]\nnominal_translation_B = [0.0, 0.0, 0.2]\n'
                       "[payload]\nmass = 20.0\n[start.isolator]\ndelay = 0.002\n")  # fmt: skip
@@ -282,6 +282,8 @@ def test_an_instrument_gives_the_rows_of_its_start_values(tmp_path, built_fmus):
         found = session.run({"isolator.delay": 0.001})
         assert found.active.equals(expected.active) and found.passive.equals(expected.passive)
         assert not session.run().active.equals(expected.active)
+    with Session(instrument=source, parameter_files=["delay_20ms.ssv"], **SHORT) as session:
+        assert (session.get_start("isolator.delay"), session.get_start("plant.payload.mass")) == (0.02, 20.0)
     assert any("deg of yaw, the published one" in text for text in found.summary["warnings"])
     source.write_text('base = "paper"\n[payload]\nmas = 20.0\n')
     with pytest.raises(OptionError, match=r"--instrument: .*mine\.toml: payload\.mas: unknown; did you mean mass"):

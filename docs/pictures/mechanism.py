@@ -184,7 +184,7 @@ def _draw_spacecraft(drawing: Drawing, parameters: Parameters) -> None:
 def _draw_legend(drawing: Drawing) -> None:
     """What the marks mean."""
     drawing.line([(24, 660), (60, 660)], COARSE, 5.0)
-    drawing.text(70, 660, "coarse leg: points", anchor="start")
+    drawing.text(70, 660, "coarse leg: points the payload", anchor="start")
     drawing.line([(24, 690), (60, 690)], FINE, 3.0)
     drawing.line([(33, 690), (51, 690)], FINE, 12.0)
     drawing.line([(34, 690), (50, 690)], "pale-orange", 9.0)

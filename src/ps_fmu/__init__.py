@@ -1,7 +1,7 @@
 """Pointing and stabilising manipulator for optical space payloads, as FMI 2.0 co-simulation FMUs.
 
-``ps_fmu.simulate`` runs a scenario, ``ps_fmu.Session`` runs it many times, ``ps_fmu.Result`` has what a run found, or
-left in its folder.  They raise the following errors, which ``ps_fmu`` exports, too.
+``ps_fmu.simulate`` runs a scenario, ``ps_fmu.Session`` runs it many times, ``ps_fmu.Result`` contains the results of a
+run.  They raise the following errors, which ``ps_fmu`` exports, too.
 
 ========================  ==============================================================================================
 error                     raised when

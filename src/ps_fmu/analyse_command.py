@@ -93,7 +93,8 @@ def _analyse(analysis: Analysis, arguments: argparse.Namespace, output: Path) ->
     progress = sys.stderr is not None and sys.stderr.isatty()
     options = _read_options(arguments, output, fmus, system, progress)
     others = system.resolve() != (product.system / analysis.system).resolve()
-    own = bool(options.parameters or options.replace or options.disturbance) or others
+    given = options.instrument, options.parameters, options.replace, options.disturbance
+    own = any(given) or others
     result = analysis.load(own=own)(options)
     result.write(output)
     return result
@@ -109,13 +110,14 @@ def _read_options(
 ) -> AnalysisOptions:
     from .runs.options import read_replacements
 
-    requirements = getattr(arguments, "requirements", None)
+    requirements, instrument = (getattr(arguments, name, None) for name in ("requirements", "instrument"))
     return AnalysisOptions(
         output,
         fmus,
         system,
         arguments.seed,
         progress,
+        instrument=None if instrument is None else find_file(instrument),
         replace=read_replacements(getattr(arguments, "replace", ())),
         parameters=tuple(find_file(path) for path in getattr(arguments, "parameters", ())),
         requirements=None if requirements is None else find_file(requirements),

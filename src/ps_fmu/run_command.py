@@ -86,11 +86,7 @@ def _add_what(group: argparse._ArgumentGroup) -> None:
         "--ssp", dest="system", type=Path, metavar="FILE.ssp",
         help="archive with the system and its FMUs, as ps-fmu ssp writes it",
     )  # fmt: skip
-    group.add_argument(
-        "--instrument", type=Path, metavar="F.toml",
-        help="your payload, mechanism and bus: all FMUs start with their values; --parameters win",
-    )  # fmt: skip
-    add_system_options(group, "parameters", "replace", "fmus", parameters="parameter_files")
+    add_system_options(group, "instrument", "parameters", "replace", "fmus", parameters="parameter_files")
     group.add_argument(
         "--apart", nargs="+", action="extend", default=[], metavar="NAME",
         help="do not warn that these parameters differ from those of the plant; a NAME may be the beginning of others, "

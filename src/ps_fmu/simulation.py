@@ -59,6 +59,7 @@ def simulate(
     disturbance: a CSV or netCDF file with force and torque on the bus, which replace the noise.
     system: a system in place of the scenario's: the path of an ``.ssd`` file, the name of a file of ps_fmu, or an
         ``.ssp`` archive, which contains its FMUs.
+    replace: FMUs in place of components, by their names: ``{"isolator": "my.fmu"}``, see docs/own-fmu.md.
     scheme: order of exchange, ``"jacobi"``, ``"gauss-seidel"`` or ``"iterated"``, see docs/any-system.md.
     observe: a pattern such as ``plant.payload_*``, or several patterns, of the outputs to store; by default all.
     requirements: a TOML file; the verdicts are in ``summary["verdicts"]``.

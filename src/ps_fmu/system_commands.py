@@ -38,6 +38,10 @@ OPTIONS: Mapping[str, dict[str, Any]] = {
         "type": Path, "metavar": "FILE.ssd",
         "help": "system description: yours, or one of ps_fmu by its name, as ps-fmu run --help lists them",
     },
+    "instrument": {
+        "type": Path, "metavar": "F.toml",
+        "help": "your payload, mechanism and bus: all FMUs start with its values; --parameters win",
+    },
     "parameters": {
         "type": Path, "nargs": "+", "action": "extend", "default": [], "metavar": "F.ssv",
         "help": "files with start values by component.parameter: yours, or those of ps_fmu by name; later ones win",
@@ -84,13 +88,18 @@ def read_chosen(options: argparse.Namespace, *, lenient: bool = False) -> System
     Raises OptionError, BuildError, CosimError, OSError.
     """
     from .cosim import read_parameters, read_system
+    from .cosim.description import read_descriptions
     from .cosim.replacing import replace_components
     from .cosim.ssp.reading import read_any_system
     from .runs.options import read_replacements
+    from .runs.setup import read_instrument_values
 
     replacements = read_replacements(options.replace)
     system = (read_any_system if lenient else read_system)(*find_system(options))
     system = replace_components(system, replacements)
+    if options.instrument is not None:
+        instrument = find_file(options.instrument)
+        system = system.with_parameters(read_instrument_values(instrument, system, read_descriptions(system))[0])
     for path in map(find_file, options.parameters):
         system = system.with_parameters(read_parameters(path))
     return system

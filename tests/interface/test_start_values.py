@@ -14,6 +14,8 @@ from fmpy.ssp.ssd import validate_tree
 from lxml import etree
 from support.models import COMPONENTS, FMUS, MODELS
 
+from ps_fmu.analyses.system import load_own_systems
+from ps_fmu.analyses.table import AnalysisOptions
 from ps_fmu.cli import main
 from ps_fmu.cosim import Master, System, read_parameters, read_system
 from ps_fmu.cosim.description import index_variables, read_descriptions, read_start
@@ -253,6 +255,24 @@ def test_the_example_arrives_in_the_fmus(write, built_fmus):
     np.testing.assert_allclose(given["plant.bus.mass"], 85.0)
 
 
+def test_commands_take_an_instrument_as_they_take_its_start_values(write, tmp_path, built_fmus, capsys):
+    _, path = write('base = "paper"\n[payload]\nmass = 20.0\n[start.isolator]\ndelay = 0.002\n')
+    source, found = path.with_suffix(".toml"), []
+    for option, file in (("--instrument", source), ("--parameters", path)):
+        output = tmp_path / f"{file.suffix[1:]}.ssp"
+        assert main(["ssp", "--output", str(output), option, str(file), "--fmus", str(built_fmus)]) == 0
+        given = {"instrument": file} if file is source else {"parameters": (file,)}
+        (system,) = load_own_systems(AnalysisOptions(tmp_path, built_fmus, WIRED, **given))
+        values = {c.name: {name: p.value for name, p in c.parameters.items()} for c in system.components}
+        found.append((output.read_bytes(), values))
+    assert found[0] == found[1]
+    assert found[0][1]["isolator"]["payload.mass"] == 20.0
+    source.write_text('base = "paper"\n[payload]\nmas = 20.0\n')
+    for command in (["ssp", "--output", "x.ssp"], ["analyse", "stability", "--output", str(tmp_path / "out")]):
+        assert main([*command, "--instrument", str(source), "--fmus", str(built_fmus)]) == 2
+        assert "--instrument: " in (said := capsys.readouterr().err) and "payload.mas: unknown" in said
+
+
 def test_the_picture_has_each_leg_where_its_joints_are(write, tmp_path, capsys):
     picture = tmp_path / "mine.svg"
     code, _ = write('base = "paper"\n', "--picture", str(picture))
@@ -280,7 +300,7 @@ def test_the_lines_of_the_page_run_and_print_what_it_shows(write, tmp_path, caps
     for source in (text, EXAMPLE.read_text(encoding="utf-8")):
         assert write(source)[0] == 0
         printed += capsys.readouterr().out
-    for first in ("payload.finite_elements:", "legs at the nominal pose:"):
+    for first in ("payload.finite_elements:", "legs at the nominal pose"):
         ((_, shown),) = [block for block in blocks if block[1].startswith(first)]
         assert shown in printed
 

@@ -345,7 +345,7 @@ rows = [1, 2, 3, 4, 5, 6]
     assert max(mode.frequency for mode in modes) <= 900.0
     assert found.parameters.bus.mass == pytest.approx(own.mass)
     assert found.inherited[-1] != "bus.mass"
-    assert found.remarks[0].startswith("bus.finite_elements: 0.9089 kg at (0, 0, -0.56) m")
+    assert found.remarks[0].startswith("bus.finite_elements: 0.9089 kg at (0, 0, -0.56) m, (0.395")
     assert any("modes are left out; with" in line for line in found.remarks)
 
 

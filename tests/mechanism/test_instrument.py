@@ -106,7 +106,7 @@ def test_what_is_said_of_a_geometry_is_that_of_its_joints(read):
     """Lengths and reach against the joints and the strokes; a mechanism that is lower, shorter, nearly flat."""
     low = read('base = "paper"\n[manipulator]\nnominal_translation_B = [0.0, 0.0, 0.2]')
     geometry = low.parameters.manipulator.geometry
-    (limits,) = re.findall(r"yaw (-\S+) to (\S+) deg", low.remarks[1])
+    (limits,) = re.findall(r"yaw (-\S+) to (\S+)$", low.remarks[2])
     errors = []
     for end in map(float, limits):
         pose = inverse_kinematics(geometry, np.radians([0.0, 0.0, end]))

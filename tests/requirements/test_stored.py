@@ -132,7 +132,7 @@ def test_files_are_members_of_an_ensemble(store, require):
 
 def test_the_same_run_twice_is_no_ensemble(store, require):
     (first, _), (second, _) = store("a.nc"), store("b.nc")
-    with pytest.raises(ResultsError, match=r"a\.nc and .*b\.nc hold the same run"):
+    with pytest.raises(ResultsError, match=r"a\.nc and .*b\.nc are the same run"):
         judge_files([first, second], [require()])
 
 

@@ -331,8 +331,8 @@ def test_a_name_is_a_scenario_first_then_a_file(tmp_path, monkeypatch):
     for what, other, reason in (
         ("slow", None, "there is no scenario 'slow'; did you mean slew"),
         ("./slew", None, "slew is another file"),
-        ("a.ssd", Path("a.ssd"), "--system: is for a scenario"),
-        ("plain", None, "runs a system that is named"),
+        ("a.ssd", Path("a.ssd"), "--system: only a scenario takes it"),
+        ("plain", None, "name the system that plain runs"),
     ):
         with pytest.raises(OptionError, match=reason):
             choose_run(what, other)

@@ -160,7 +160,7 @@ def run(capsys):
 def test_what_does_not_go_on_says_why_and_loses_nothing(stopped, run, tmp_path):
     code, said = run("--resume", stopped, "--step", "2e-4")
     assert code == 2
-    assert "--resume: a resumed run keeps its options, and --step cannot be given" in said
+    assert "--resume: a resumed run keeps its options, and --step is refused" in said
     code, said = run("--resume", tmp_path / "other")
     assert code == 2
     assert "there is no run with checkpoints in" in said
@@ -171,9 +171,9 @@ def test_what_does_not_go_on_says_why_and_loses_nothing(stopped, run, tmp_path):
         ('"package": "', '"package": "0', "is of ps_fmu 0"),
         ('"seed": 1', '"seed": "1"', "is damaged"),
         ('"duration_s": 0.6', '"duration_s": "long"', "is damaged: duration_s: Expected `float`"),
-        ('"scenario": "isolation"', '"scenario": "nothing"', "there is no scenario 'nothing'"),
+        ('"scenario": "isolation"', '"scenario": "nothing"', "ps_fmu has no scenario 'nothing'"),
         ('"seed": 1,', "", "is damaged: seed"),
-        ("own.toml", "other.toml", "is not as it was when the run began"),
+        ("own.toml", "other.toml", "has changed since the run began"),
         ("{", "[", "cannot be read"),
     ):
         assert old in text
@@ -320,7 +320,7 @@ def test_a_run_with_faults_goes_on(inputs, run, tmp_path):
     path.write_text(json.dumps({**FAULTS, "end": 0.19}))
     code, said = run("--resume", out)
     assert code == 2
-    assert "faults.json is not as it was when the run began" in said
+    assert "faults.json has changed since the run began" in said
     path.write_text(json.dumps(FAULTS))
     code, said = run("--resume", out, "--no-figures")
     assert code == 0, said

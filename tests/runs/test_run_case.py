@@ -10,11 +10,13 @@ import pytest
 from support.claims import verify_claim
 
 import ps_fmu
-from ps_fmu.cosim import Column, SlaveError, SystemFileError, UsageError
+from ps_fmu.cosim import Column, Master, SlaveError, SystemFileError, UsageError
+from ps_fmu.cosim.fmu_instance import InstancePhase
 from ps_fmu.cosim.master import BLOCK_ROWS
 from ps_fmu.runs.cases import Case, run_case, show_progress
 from ps_fmu.runs.divergence import Bounds, Divergence
 from ps_fmu.runs.options import RunOptions
+from ps_fmu.runs.run import execute
 from ps_fmu.runs.setup import load_system
 from ps_fmu.scenarios.jitter_record import ROTATION, JitterRecord
 
@@ -54,6 +56,15 @@ def test_cases_are_stored_and_analysed(options):
             assert len(group["time"]) == 1001
     rms = {name: jitter.statistics.rms for name, jitter in results.items()}
     assert (rms["active"] < 0.5 * rms["passive"]).all()
+
+
+def test_a_run_loads_its_fmus_once_and_frees_them(options, monkeypatch):
+    masters, make = [], Master.__init__
+    monkeypatch.setattr(Master, "__init__", lambda self, *args, **how: masters.append(self) or make(self, *args, **how))
+    assert not execute(options).failures
+    with netCDF4.Dataset(options.output / "results.nc") as file:
+        assert set(file.groups) == {"parameters", "passive", "active"}
+    assert [set(master.phases.values()) for master in masters] == [{InstancePhase.FREED}]
 
 
 def test_open_inputs_are_named_unless_they_are_extras_or_given(options, tmp_path, ssv):

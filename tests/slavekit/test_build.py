@@ -3,6 +3,7 @@
 import hashlib
 import io
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -253,7 +254,9 @@ def test_incomplete_folders_are_told(tmp_path):
         build_one(tmp_path / "empty", tmp_path / "out")
     folder = altered(tmp_path, "waves")
     (folder / "README.md").unlink()
-    with pytest.raises(BuildError, match=r"no README\.md"):
+    script = folder / "waves.py"
+    script.write_text(re.sub(r'^""".*?"""', "", script.read_text(), flags=re.DOTALL))
+    with pytest.raises(BuildError, match=r"a docstring at the top of waves\.py, or .*README\.md, becomes"):
         build_one(folder, tmp_path / "out")
     with pytest.raises(BuildError, match="no nothing; found channel, limiter, oscillator, waves"):
         build_all(tmp_path / "out", MODELS, ["nothing"])

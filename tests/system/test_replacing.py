@@ -3,6 +3,7 @@
 import json
 import re
 import shutil
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -87,6 +88,13 @@ def test_the_same_fmu_gives_the_same_bits(built_fmus, tmp_path):
     )
     for case in ("passive", "active"):
         assert np.array_equal(np.asarray(other[case]["payload_rotation"]), np.asarray(ours[case]["payload_rotation"]))
+
+
+def test_the_text_of_the_script_is_the_documentation(isolator):
+    with zipfile.ZipFile(isolator) as archive:
+        page = archive.read("documentation/index.html").decode()
+    assert "<p>A gyroscope on the payload measures the rotation." in page
+    assert "<td><code>crossover</code></td>" in page
 
 
 def test_what_does_not_fit_is_said(isolator, capsys):
@@ -193,7 +201,7 @@ def test_fmus_of_ps_fmu_are_found_for_any_description(built_fmus, tmp_path):
 def test_passive_is_without_any_loop(tmp_path):
     """The plant then moves as in the system that has no line-of-sight loop at all."""
     with_loop, without = (
-        ps_fmu.simulate("isolation", system=f"{name}.ssd", cases=("passive",), **SHORT)
+        ps_fmu.simulate("isolation", system=f"{name}.ssd", cases=("passive",), **{**SHORT, "duration": 3.0})
         for name in ("LineOfSight", "InertialSensors")
     )
     assert np.array_equal(

@@ -237,6 +237,10 @@ def test_files_that_parameters_name_travel_with_the_archive(built_fmus, tmp_path
     model = Disturbance(read_disturbance(again, "disturbance"))  # as budgets read it
     wrench = model(STEP * np.arange(STEPS // 4 + 1))
     np.testing.assert_array_equal(found["disturbance.base_force.x"][: len(wrench)], wrench[:, 0])
+    (tmp_path / "private.txt").write_text("not for others")
+    other = system.with_parameters({"disturbance.recording.path": str(tmp_path / "private.txt")})
+    (text,) = (line for line in write_ssp(other, tmp_path / "other.ssp") if "private" in line)
+    assert text.endswith("private.txt stays where it is: only .csv files travel")
     write_ssp(again, tmp_path / "second.ssp")  # what is packed stays packed
     np.testing.assert_array_equal(
         simulate(read_system(tmp_path / "second.ssp"), STEP, 0.05)["disturbance.base_force.x"],

@@ -208,10 +208,6 @@ def test_the_line_of_sight_loop_is_unstable_beyond_its_common_margins_and_stable
         assert (len(louder.unstable) == 2, len(later.unstable) >= 2) == (share > 1.0, share > 1.0)
     assert louder.unstable[0].imag == pytest.approx(2.0 * np.pi * found.gain_hz, rel=1e-2)
     assert later.unstable[0].imag == pytest.approx(2.0 * np.pi * found.delay_hz, rel=1e-2)
-    with pytest.raises(UnstableError, match=r"line-of-sight loop .* a pair of poles at \+.* Hz, damping ratio -"):
-        louder.from_wrench(np.array([1j]))
-    with pytest.raises(UnstableError, match="no stationary answer"):
-        later.from_target(np.array([1j]))
 
 
 def test_no_response_of_an_unstable_isolator():

@@ -12,7 +12,7 @@ from ..cosim.structure import Parameter
 from ..product.files import find_product
 from ..runs.built_fmus import provide_fmus
 from ..runs.options import OptionError
-from ..runs.setup import NOISE, RECORDING_PATH, RunSystem
+from ..runs.setup import NOISE, RECORDING_PATH, RunSystem, read_instrument_values
 from .table import AnalysisOptions
 
 
@@ -39,7 +39,7 @@ def load_built_system(options: AnalysisOptions, system: Path | None = None) -> S
 
 
 def load_own_systems(options: AnalysisOptions, *others: Path) -> list[System]:
-    """The system of the options, and others, with the start values of their files and a recorded disturbance.
+    """The system of the options, and others, with the values of their instrument, files and recorded disturbance.
 
     Values of components that a system does not have are left out of it.  Raises BuildError, and CosimError for a value
     of a component, parameter or unit that none of the systems has.
@@ -55,7 +55,13 @@ def load_own_systems(options: AnalysisOptions, *others: Path) -> list[System]:
     for name, entry in given.items():
         if name.partition(".")[0] not in names:
             raise UsageError(f"{name} ({entry.origin}): there is no such component")
-    return [_set_values(system, given) for system in systems]
+    return [_set_values(system, _describe(options, system) | given) for system in systems]
+
+
+def _describe(options: AnalysisOptions, system: System) -> dict[str, Parameter]:
+    if options.instrument is None:
+        return {}
+    return read_instrument_values(options.instrument, system, read_descriptions(system))[0]
 
 
 def _set_values(system: System, given: Mapping[str, Parameter]) -> System:

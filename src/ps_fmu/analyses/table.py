@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from .result import AnalysisResult
 
 SYSTEM = "SystemStructure.ssd"
-OWN = ("parameters", "replace")
+OWN = ("instrument", "parameters", "replace")
 """Options of analyses of a system of one's own."""
 
 
@@ -28,7 +28,8 @@ class AnalysisOptions:
     system: Path = field(default_factory=lambda: find_product().system / SYSTEM)  # system structure description
     seed: int = 1  # seed of the disturbance
     progress: bool = True  # show progress bars on stderr
-    parameters: tuple[Path, ...] = ()  # files with start values; later ones win
+    instrument: Path | None = None  # TOML file, whose values all FMUs start with
+    parameters: tuple[Path, ...] = ()  # files with start values, stronger than the instrument; later ones win
     replace: Mapping[str, Path] = field(default_factory=dict)  # FMUs in place of components, by their names
     disturbance: Path | None = None  # recorded wrench in place of the noise, a CSV file
     requirements: Path | None = None  # TOML file; None: that of the product

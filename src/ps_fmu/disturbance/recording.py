@@ -152,9 +152,9 @@ class Impulses(NamedTuple):
     """What a wrench leaves behind at a time: its integral over time, and the integral of that."""
 
     first: Array
-    """(6,), N.s and N.m.s: the momentum of a free body that was at rest."""
+    """(..., 6), N.s and N.m.s: the momentum of a free body that was at rest."""
     second: Array
-    """(6,), N.s2 and N.m.s2: how far a free body of mass and inertia one has moved."""
+    """(..., 6), N.s2 and N.m.s2: how far a free body of mass and inertia one has moved."""
 
 
 class Recording:
@@ -236,12 +236,8 @@ class Recording:
 
         As :attr:`Impulses.second`.
         """
-        rows = self._first.cut(self._first.begin, min(end, self._first.end)) if end > self._first.begin else self._first
-        h = np.diff(rows.time)[:, None]
-        before, after = rows.wrench[:-1], rows.wrench[1:]
-        speed = np.cumsum(0.5 * h * (before + after), axis=0)
-        own = h**2 * (2.0 * before + after) / 6.0
-        return np.cumsum(own + h * np.vstack([np.zeros((1, 6)), speed[:-1]]), axis=0)
+        rows = self._first
+        return (rows.cut(rows.begin, min(end, rows.end)) if end > rows.begin else rows).integrate().second
 
     def __call__(self, time: Array) -> Array:
         """Force (N) and torque (N.m) in B at its origin at the times (n,) in s, shape (n, 6)."""
@@ -273,8 +269,8 @@ class Recording:
             until = min(last + shift, end)
             part = rows.cut(time - shift, until - shift)
             own = part.integrate()
-            way += (until - time) * momentum + own.second
-            momentum += own.first
+            way += (until - time) * momentum + own.second[-1]
+            momentum += own.first[-1]
             time = until
         return Impulses(momentum, way)
 
@@ -311,12 +307,11 @@ class _Rows:
         return _Rows(time, self.interpolate(time))
 
     def integrate(self) -> Impulses:
-        """Both integrals from the first to the last time, exact for what is linear between the rows."""
-        h, before, after = np.diff(self.time)[:, None], self.wrench[:-1], self.wrench[1:]
-        left = (self.end - self.time[1:])[:, None]  # from the end of a segment
-        first = 0.5 * h * (before + after)
-        second = left * first + h**2 * (2.0 * before + after) / 6.0
-        return Impulses(first.sum(axis=0), second.sum(axis=0))
+        """Both integrals from the first time to each, (n, 6), exact for what is linear between the rows."""
+        h, before, after, zero = np.diff(self.time)[:, None], self.wrench[:-1], self.wrench[1:], np.zeros((1, 6))
+        first = np.vstack([zero, np.cumsum(0.5 * h * (before + after), axis=0)])
+        second = np.cumsum(h * first[:-1] + h**2 * (2.0 * before + after) / 6.0, axis=0)
+        return Impulses(first, np.vstack([zero, second]))
 
     def join_ends(self, overlap: float) -> _Rows:
         """One period: the last rows are faded into the first over ``overlap``, s, with equal power."""
@@ -336,11 +331,8 @@ class _Rows:
         grid = np.linspace(0.0, rise, _FINE)
         ends = self.begin + grid, self.end - grid
         rows = self._refine(np.concatenate(ends))
-        time, h = (rows.time - rows.begin)[:, None], np.diff(rows.time)[:, None]
-        force, before, after = rows.wrench, rows.wrench[:-1], rows.wrench[1:]
-        zero = np.zeros((1, 6))
-        speed = np.vstack([zero, np.cumsum(0.5 * h * (before + after), axis=0)])
-        way = np.vstack([zero, np.cumsum(h * speed[:-1] + h**2 * (2.0 * before + after) / 6.0, axis=0)])
+        time, force = (rows.time - rows.begin)[:, None], rows.wrench
+        speed, way = rows.integrate()
         if repeats:
             period = float(time[-1, 0])
             mean = speed[-1] / period

@@ -1,1 +1,1 @@
-"""What the FMUs show of the physics: their parameters and start values."""
+"""Parameters and start values of the FMUs, and the linear model of a system."""

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import importlib.util
 import sys
+import textwrap
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
@@ -29,6 +30,8 @@ from ..slavekit.author.slave import Slave
 from ..slavekit.pack.build import find_folders
 from ..slavekit.pack.errors import BuildError
 from .start_values import Physics, make_start_values
+
+WIDTH = 100  # characters of a line
 
 
 def find_physics(fmus: Path) -> dict[str, Physics]:
@@ -129,7 +132,7 @@ def _describe(instrument: Instrument) -> list[str]:
     bodies = f"payload {p.payload.mass:g} kg, bus {p.bus.mass:g} kg"
     lines = [f"{bodies}, modes of the bus: {f'{modes} Hz' if modes else 'none'}"]
     lines += instrument.remarks
-    lines += [f"note: {text}" for text in instrument.warnings]
+    notes = [f"note: {text}" for text in instrument.warnings]
     if instrument.inherited:
-        lines.append(f"from the base: {', '.join(instrument.inherited)}")
-    return lines
+        notes.append(f"from the base: {', '.join(instrument.inherited)}")
+    return lines + [textwrap.fill(text, WIDTH, subsequent_indent="  ", break_long_words=False) for text in notes]

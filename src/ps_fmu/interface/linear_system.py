@@ -231,7 +231,8 @@ class Circuit:
             case = "active" if self.active else "passive"
             raise UnstableError(f"{self.model.system.path.name}, {case}", self.unstable, self.advise())
 
-    def find_reserve(self) -> Reserve | None:
+    @cached_property
+    def reserve(self) -> Reserve | None:
         """How far a stable isolator is from instability; None: it is off, unstable, or too costly to tell in a run.
 
         That is where a line-of-sight loop is closed, or the delay is long: ``ps-fmu analyse stability`` has poles and

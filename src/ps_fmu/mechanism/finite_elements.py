@@ -366,8 +366,8 @@ def _read_boundary(items: Any, frame: str) -> list[BoundaryNode]:
 def put_modes(own: Table, frame: str, folder: Path, where: str) -> list[str]:
     """Put modes as :mod:`.parameters` has them in place of the ``modes`` and ``finite_elements`` of a body's table.
 
-    Mass, centre of mass and inertia that the table does not give are those of the model.  What they have more than the
-    model is rigid.
+    Mass, centre of mass and inertia that the table does not give are those of the model.  The difference between them
+    and the model is rigid.
 
     Parameters
     ----------
@@ -396,8 +396,7 @@ def put_modes(own: Table, frame: str, folder: Path, where: str) -> list[str]:
         _list_entries(frame, found.frequencies[k], damping, found.participations[k], found.turns[k]) for k in chosen
     ]
     own["modes"] = [*(others if isinstance(others, list) else [others]), *modes]
-    text = _compare_bodies(own, found, frame, where)
-    return [text, *_list_shares(found, chosen, left, BODIES[frame][1])]
+    return [*_compare_bodies(own, found, frame, where), *_list_shares(found, chosen, left, BODIES[frame][1])]
 
 
 def _choose_modes(found: Structure, highest: float, places: int) -> tuple[list[int], list[int]]:
@@ -408,8 +407,8 @@ def _choose_modes(found: Structure, highest: float, places: int) -> tuple[list[i
     return chosen, [k for k in range(len(largest)) if k not in chosen]
 
 
-def _compare_bodies(own: Table, found: Structure, frame: str, where: str) -> str:
-    """A line on the masses.  Raises ParameterError where the model has what the body has not."""
+def _compare_bodies(own: Table, found: Structure, frame: str, where: str) -> list[str]:
+    """Lines on the masses.  Raises ParameterError where the model has what the body has not."""
     try:
         stated = (
             float(own["mass"]), freeze(own[f"com_{frame}"], (3,), f"{where}.com"),
@@ -426,17 +425,17 @@ def _compare_bodies(own: Table, found: Structure, frame: str, where: str) -> str
             f"{_name_body(*stated)}; the model has {_name_body(found.mass, found.com, found.inertia)}",
         )  # fmt: skip
     more = stated[0] - found.mass
-    rigid = f"; {more:.4g} kg more are rigid" if more > _SAME * found.mass else ""
-    return f"{where}.finite_elements: {_name_body(found.mass, found.com, found.inertia)}{rigid}"
+    lines = [f"{where}.finite_elements: {_name_body(found.mass, found.com, found.inertia)}"]
+    return [*lines, f"  {more:.4g} kg more of the {where} are rigid"] if more > _SAME * found.mass else lines
 
 
 def _name_body(mass: float, com: Array, inertia: Array) -> str:
-    return f"{mass:.4g} kg at {_list_numbers(com)} m, inertia {_list_numbers(np.diag(inertia))} kg.m2"
+    return f"{mass:.4g} kg at {_list_numbers(com)} m, {_list_numbers(np.diag(inertia))} kg.m2"
 
 
 def _list_shares(found: Structure, chosen: Sequence[int], left: Sequence[int], held: str) -> list[str]:
     shares = found.shares
-    lines = [f"modes with the {held} held, and their shares of mass (x, y, z) and inertia (rx, ry, rz):"]
+    lines = [f"modes with the {held} held, and their shares of mass and inertia:"]
     for k in chosen:
         named = [f"{axis} {100.0 * s:.0f} %" for axis, s in zip(_AXES, shares[k], strict=True) if s >= _SHOWN]
         lines.append(f"  {found.frequencies[k]:10.2f} Hz  {', '.join(named) or f'below {100.0 * _SHOWN:.0f} %'}")

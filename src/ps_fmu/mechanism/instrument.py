@@ -168,7 +168,7 @@ def _put_on_base(own: Table, base: Table, folder: Path, notes: _Notes) -> Table:
         base["manipulator"] = _scale(base["manipulator"], scale)
     _take_lengths(manipulator, notes.lengths)
     if "payload" in own:
-        if own["payload"].keys() & FLEXIBLE:  # who gives modes gives them all
+        if own["payload"].keys() & FLEXIBLE:  # they replace all modes of the base
             own["payload"].setdefault("truss_modes", [])
         notes.remarks.extend(put_modes(own["payload"], "P", folder, "payload"))
     if "com_P" in own.get("payload", {}) and "known_com_P" not in own.get("isolator", {}):
@@ -217,9 +217,10 @@ def describe_geometry(manipulator: Manipulator) -> tuple[list[str], list[str]]:
     conditions = condition_number(geometry, J_lp)
     angles = ", ".join(f"{name} {a:.1f} to {b:.1f}" for name, (a, b) in zip(ANGLES, reach, strict=True))
     lines = [
-        f"legs at the nominal pose: coarse {_list_mm(lengths[:3])} mm, fine {_list_mm(lengths[3:])} mm; coarse stroke "
-        f"{low:g} to {high:g} mm",
-        f"reach of each angle alone: {angles} deg; condition number {conditions[0]:.2f}, up to {conditions.max():.2f}",
+        f"legs at the nominal pose (mm): coarse {_list_mm(lengths[:3])}; fine {_list_mm(lengths[3:])}",
+        f"coarse stroke {low:g} to {high:g} mm; reach of each angle alone (deg):",
+        f"  {angles}",
+        f"condition number {conditions[0]:.2f} at the nominal pose, up to {conditions.max():.2f} within reach",
     ]
     warnings = [
         f"the mechanism reaches {a:.1f} to {b:.1f} deg of {name}, the published one {c:.1f} to {d:.1f} deg: look at "

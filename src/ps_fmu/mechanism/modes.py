@@ -53,7 +53,7 @@ class TrussMode(Checked):
 
     @classmethod
     def unused(cls) -> TrussMode:
-        """What fills a place for a mode that nobody needs."""
+        """A mode in an unused place."""
         return cls(0.0, np.zeros(3), np.array([0.0, 0.0, 1.0]), 0.0, 0.0)
 
     @property
@@ -94,7 +94,7 @@ class PayloadMode(Checked):
 
     @classmethod
     def unused(cls) -> PayloadMode:
-        """What fills a place for a mode that nobody needs."""
+        """A mode in an unused place."""
         return cls(0.0, 0.0, np.zeros(6), 0.0, 0.0)
 
     @property
@@ -127,7 +127,7 @@ class BusMode(Checked):
 
     @classmethod
     def unused(cls) -> BusMode:
-        """What fills a place for a mode that nobody needs."""
+        """A mode in an unused place."""
         return cls(0.0, 0.0, np.zeros(6))
 
     @property

@@ -1,6 +1,6 @@
-"""Pointing errors as numbers: indices and their confidence, spectra, responses.  numpy in, numpy out.
+"""Pointing error indices, their confidence, spectra and responses; arguments and results are numpy arrays.
 
-Needs no other room of the package: it can be used without FMUs.
+It imports no other package of ps_fmu and can be used without FMUs.
 """
 
 from .confidence import (

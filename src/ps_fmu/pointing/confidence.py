@@ -183,9 +183,10 @@ def state_worst(each: Sequence[Statement], confidence: float) -> Statement:
 
 
 def gaussian_rms(rms: float, independent: float, confidence: float = 0.95) -> Statement:
-    """RMS of a Gaussian error without bias, worth ``independent`` samples: independent s^2 / sigma^2 is chi-square.
+    """State the RMS of a Gaussian error without bias from ``independent`` samples.
 
-    The number for a record is that of its squares: ``effective_samples(values**2)``.
+    ``independent`` s^2 / sigma^2 follows a chi-square distribution.  For a record the number of samples is
+    ``effective_samples(values**2)``.
     """
     if not independent > 0.0:
         raise ValueError(f"independent: expected above 0, got {independent!r}")
@@ -241,9 +242,9 @@ def _state_rms(rms: float, error: float, freedom: float, independent: float, con
 
 
 def windows_rms(values: ArrayLike, confidence: float = 0.95) -> Statement:
-    """RMS of an index over the windows of one record: :func:`state_rms` of the mean squares of the windows.
+    """State the RMS of an index over the windows of one record: :func:`state_rms` of the mean squares of the windows.
 
-    ``values`` of one signal, (windows, r, 1) as :meth:`.index.PointingIndex.values` has them, or (windows, r), or
+    ``values``: of one signal, (windows, r, 1) as :meth:`.index.PointingIndex.values` returns them, (windows, r), or
     (windows,).
     """
     squares = np.asarray(values, dtype=float) ** 2
@@ -318,17 +319,17 @@ def effective_samples(values: ArrayLike) -> float:
 
 
 def weigh_record(values: ArrayLike, sizes: ArrayLike, deviations: float = 1.0) -> Worth:
-    """What the mean of a correlated record ``values`` (n,) is worth, rather too little than too much.
+    """Return a cautious number of independent samples for the mean of a correlated record ``values`` (n,).
 
-    The correlation time is that of :func:`effective_samples` and ``deviations`` of its standard deviations more.  Where
-    a fast part hides a slow one, sums of correlations end before the slow one counts.  So the record is averaged over
-    64, 128, ... 2048 batches, too: where the means of batches vary more than the correlation time of the whole allows,
-    they count, and their own correlation time tells how many independent stretches the slow part has.
+    The correlation time is that of :func:`effective_samples` plus ``deviations`` of its standard deviations.  If a fast
+    part hides a slow part, sums of correlations end before the slow part counts.  So the record is averaged over 64,
+    128, ... 2048 batches, too.  If the means of batches vary more than this correlation time allows, the correlation
+    time of the means gives the number.
 
     Parameters
     ----------
-    values: what is averaged: squares, or whether a magnitude is above a level.
-    sizes: the magnitudes (n,) behind them, in which the slow part shows best.
+    values: the averaged values: squares, or 1 where a magnitude is above a level and 0 elsewhere.
+    sizes: magnitudes (n,) of the record, which show a slow part best.
     """
     series, magnitudes = _finite(values), np.asarray(sizes, dtype=float)
     n, variance = len(series), float(series.var())

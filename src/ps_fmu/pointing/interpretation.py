@@ -39,7 +39,7 @@ Array = NDArray[np.float64]
 
 
 class Interpretation(StrEnum):
-    """The three that the standard names."""
+    """The three interpretations of a quantile in the standard."""
 
     TEMPORAL = "temporal"
     ENSEMBLE = "ensemble"
@@ -49,18 +49,19 @@ class Interpretation(StrEnum):
 def quantile_of_runs(
     values: ArrayLike, probability: float, confidence: float, interpretation: Interpretation | str
 ) -> Statement:
-    """Quantile of the magnitude of an index over runs and times, with its confidence.
+    """Return the quantile of the magnitude of an index over runs and times, with its confidence.
 
     Parameters
     ----------
-    values: (runs, times), the index with or without sign; the runs are independent members of the ensemble.
+    values: the index (runs, times), with or without sign; the runs are independent members of the ensemble.
 
-    ``ensemble``: the quantile over the runs of the largest value of each; order statistics of the runs.  ``temporal``:
-    the largest of the runs' quantiles over time; bounds from order statistics with what each run is worth
-    (:func:`.confidence.weigh_share`), at a level that makes all of them hold together; how much of the ensemble the
-    runs stand for is in ``ensemble_share``, (1 - confidence)^(1 / runs).  ``mixed``: the quantile of all values; order
-    statistics with what the runs are worth (:func:`.confidence.weigh_runs`).  Where these are too few, the bound is
-    that of Markov's inequality; over fewer than five runs there is none.
+    ``ensemble``: the quantile over the runs of the largest value of each run; the bound comes from order statistics of
+    the runs.  ``temporal``: the largest of the quantiles over time of the runs; bounds come from order statistics with
+    the number of independent samples of each run (:func:`.confidence.weigh_share`), at a level at which all bounds hold
+    together; ``ensemble_share`` is (1 - confidence)^(1 / runs), the share of the ensemble that the runs represent.
+    ``mixed``: the quantile of all values; the bound comes from order statistics with the number of independent samples
+    of all runs (:func:`.confidence.weigh_runs`).  With too few samples the bound comes from Markov's inequality; fewer
+    than five runs give no such bound.
 
     Raises ``ValueError`` for other shapes.
     """

@@ -1,1 +1,1 @@
-"""Requirements on pointing errors: read from a file, judged during a run or from stored rows, stated as verdicts."""
+"""Requirements on pointing errors: read them from a file, judge them in a run or on stored rows, state verdicts."""

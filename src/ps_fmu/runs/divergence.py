@@ -174,7 +174,7 @@ class LoopState:
     unstable: Complex
     """Poles in the right half-plane, rad/s, the one farthest to the right first."""
     reserve: Reserve | None
-    """Of the isolator; None: unstable, or see :meth:`.Circuit.find_reserve`."""
+    """Of the isolator; None: unstable, or see :attr:`.Circuit.reserve`."""
 
     @property
     def text(self) -> str:
@@ -215,7 +215,7 @@ def judge_loops(
         costly = (circuit.closed or circuit.has_long_delay) and "unstable" not in vars(circuit)
         if thorough or not costly:
             with suppress(*_NO_ANSWER):
-                found[name] = LoopState(circuit.unstable, circuit.find_reserve())
+                found[name] = LoopState(circuit.unstable, circuit.reserve)
     return found
 
 

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from pathlib import Path
 
 from fmpy.model_description import ModelDescription
 
@@ -149,28 +150,32 @@ def read_files(options: RunOptions) -> SystemFiles:
         structure = read_system(options.system, options.fmus, outside=options.outside)
         structure = _replace_components(structure, options)
         descriptions = read_descriptions(structure)
-        values, texts = _read_instrument(options, structure, descriptions)
+        values, texts = read_instrument_values(options.instrument, structure, descriptions)
         return SystemFiles(structure, descriptions, texts, values)
     with warnings.collect():
         sets = [read_parameters(path).entries() for path in options.parameters]
         structure = read_any_system(options.system, options.fmus, outside=options.outside, values=sets)
         structure = _replace_components(structure, options)
         descriptions = read_descriptions(structure, lenient=True)
-        values, texts = _read_instrument(options, structure, descriptions)
+        values, texts = read_instrument_values(options.instrument, structure, descriptions)
         return SystemFiles(structure, descriptions, (*warnings.texts, *texts), values)
 
 
-def _read_instrument(
-    options: RunOptions, structure: System, descriptions: Mapping[str, ModelDescription]
+def read_instrument_values(
+    path: Path | None, structure: System, descriptions: Mapping[str, ModelDescription]
 ) -> tuple[dict[str, Parameter], tuple[str, ...]]:
-    if options.instrument is None:
+    """Start values of the components for the instrument of a file, and warnings on it; none without a file.
+
+    Raises :class:`OptionError` for an instrument that cannot be used.
+    """
+    if path is None:
         return {}, ()
     from ..interface.instrument_file import read_start_values  # runs without an instrument do not need it
 
     try:
-        return read_start_values(options.instrument, structure, descriptions)
+        return read_start_values(path, structure, descriptions)
     except ParameterError as error:
-        raise OptionError(f"--instrument: {options.instrument}: {error}") from error
+        raise OptionError(f"--instrument: {path}: {error}") from error
 
 
 def _replace_components(structure: System, options: RunOptions) -> System:

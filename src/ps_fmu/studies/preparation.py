@@ -257,7 +257,11 @@ def make_bundle(study: Study, system: RunSystem, sources: Sources) -> Bundle:
     """The files of a study.  Raises OSError."""
     start = system.structure.experiment.start_time
     experiment = Experiment(start, start + study.duration_s, study.step_s)
-    packed = pack_files(system.structure.components)
+    components = system.structure.components
+    if study.branch is None:
+        packed = pack_files(components)
+    else:  # a state is of the FMU and the paths of its run
+        packed = Packed(components, {one.source: one.source.read_bytes() for one in components}, ())
     names, files = _collect_fmus(packed)
     structure = replace(system.structure, experiment=experiment, components=packed.components)
     files[SYSTEM] = encode_system(structure, names)

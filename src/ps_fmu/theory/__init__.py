@@ -1,1 +1,1 @@
-"""Closed forms of linear theory: transfer matrices, internal loop and margins, jitter.  Knows nothing of FMI."""
+"""Closed forms of linear theory: transfer matrices, internal loop and margins, jitter; independent of FMI."""

@@ -48,9 +48,8 @@ from numpy.typing import ArrayLike
 from ..control.pointing import PointingFilter
 from ..mechanism.quantities import Array, Complex
 from .loop import Loop
-from .stability import CommonMargins, UnstableError, find_common_margins, find_unstable
+from .stability import CommonMargins, find_common_margins, find_unstable
 from .transfer_matrices import Practical, place_frequencies
-from .transmissibility import from_wrench
 
 
 @dataclass(frozen=True)
@@ -104,29 +103,10 @@ class PointingLoop:
         """The loop cut open at one axis, the others closed, (...); critical point -1."""
         return cut_axis(self.transfer(s), axis)
 
-    def sensitivity(self, s: ArrayLike) -> Complex:
-        """S(s) = (E + L)^-1, (..., 3, 3), of a loop that is stable; raises :class:`.stability.UnstableError`."""
-        self.require_stable()
-        return np.asarray(np.linalg.inv(np.eye(3) + self.transfer(s)))
-
-    def from_wrench(self, s: ArrayLike) -> Complex:
-        """S G: base wrench (N, N.m; B at its origin) to rotation of the payload (rad, P), (..., 3, 6)."""
-        s = np.asarray(s, dtype=complex)
-        return np.asarray(self.sensitivity(s) @ from_wrench(self.loop, s, active=self.isolated))
-
-    def from_target(self, s: ArrayLike) -> Complex:
-        """S L: rotation of the target, or minus the tracker's noise (rad, P), to that of the payload, (..., 3, 3)."""
-        return np.asarray(self.sensitivity(s) @ self.transfer(s))
-
     @cached_property
     def unstable(self) -> Complex:
         """Poles of the closed loops in the right half-plane, rad/s, the one farthest to the right first."""
         return find_unstable(self._characteristic, place_frequencies(self.loop.plant_poles(), 1e-5, 1e4, 150, 8))
-
-    def require_stable(self) -> None:
-        """Raise :class:`.stability.UnstableError`, with the poles, if a loop is unstable."""
-        if len(self.unstable):
-            raise UnstableError("line-of-sight loop with plant and isolator", self.unstable)
 
     def _characteristic(self, s: Complex) -> Complex:
         """Of both loops, without the integrators' poles at zero, (n,)."""

@@ -13,6 +13,7 @@ from ...slavekit.author.files import FOLDER, change_names, find_packed
 from ..structure import Component, Value
 
 _RESOURCES = PurePosixPath("resources")
+_PACKED = ".csv"  # a system of somebody else may name any file of this machine
 _MARK = _RESOURCES / "launcher.txt"  # of FMUs that look for packed files
 
 
@@ -24,11 +25,11 @@ class Packed:
     fmus: Mapping[Path, bytes]
     """Content of each FMU by its file."""
     left: tuple[str, ...]
-    """A line for each file that stays where it is, since the FMU is not one of ps_fmu."""
+    """A line for each file that stays where it is: not a CSV file, or of an FMU that is not one of ps_fmu."""
 
 
 def pack_files(components: Iterable[Component]) -> Packed:
-    """Put all files that text parameters name into the FMUs; FMUs without any keep their bytes.
+    """Put all CSV files that text parameters name into the FMUs; FMUs without any keep their bytes.
 
     Raises :class:`..errors.SystemFileError` for an FMU, and OSError for a file, that cannot be read.
     """
@@ -44,8 +45,9 @@ def pack_files(components: Iterable[Component]) -> Packed:
                 return text
             if component.source not in inside:
                 inside[component.source] = read_all(component.source)
-            if _MARK not in inside[component.source]:
-                left.append(f"{component.name}: {text} stays outside; {component.source.name} cannot carry it")
+            if not text.endswith(_PACKED) or _MARK not in inside[component.source]:
+                why = f"only {_PACKED} files travel" if not text.endswith(_PACKED) else "its FMU cannot carry it"
+                left.append(f"{component.name}: {text} stays where it is: {why}")
                 return text
             path = Path(text).resolve()
             taken = {name: other for name, other in own.items() if other != path}

@@ -1,1 +1,1 @@
-"""What no command and no FMU needs: exact covariances of linear models, the tables of the standard, images."""
+"""Functions for your own analyses: exact covariances of linear models, the tables of the standard, images."""
