@@ -32,7 +32,6 @@ from ...pointing import (
 )
 from ...results.observers.sampler import SampleObserver
 from ...runs.runner import compute
-from ...scenarios.comparison import TARGET
 from ..budget.results import BudgetError, list_sources, select_signals
 
 STEP = 1e-4  # s, of communication
@@ -51,6 +50,7 @@ SIGNALS = tuple(
     f"plant.{name}.{axis}" for name, axes in (("payload_rotation", "xyz"), ("line_of_sight", "xy")) for axis in axes
 )
 """Rotation of the payload and of its line of sight, rad, in P."""
+TARGET = tuple(f"commander.target.{angle}" for angle in ("roll", "pitch", "yaw"))
 SETTLING = 12.0  # s: the rise of the disturbance, and 4.5 time constants of the suspension
 SLOWEST = 0.01  # Hz: a slower high-pass of the isolator does not settle; of the default one see :func:`_compare`
 JOINT = 0.999  # probability with which all intervals together hold the closed form
