@@ -173,21 +173,11 @@ def _row_farthest_below(curve: Array, other: Array) -> int:
 
 
 def paragraphs(measured: Agreements) -> list[str]:
-    """What was computed and measured, and what follows."""
+    """What follows; docs/paper.md says how it is computed and measured."""
     return [
-        "Closed form: singular values of the matrix from base motion (m, rad, counted alike) to payload rotation. "
-        "Theory is (38), with rigid legs and payload; the practical plant has truss modes and flexible coarse rods, "
-        "and with the isolator the filters of (55).",
         "The passive curve does not depend on the bus: in Fig 11 OSM and LSM are one curve, as are LDOSM and LDLSM. "
         "More damping in the fine legs takes away the resonance of the suspension, and changes little above it.",
-        "Measured: the four FMUs run at the usual communication step, shaken by a multisine along one axis at a time; "
-        "the matrix is found by least squares over all runs. This checks model, FMUs and master together. "
-        "There is no noise: only transients of bus and suspension lower the coherence. " + verdict(measured),
-        "Without the isolator both motions are outputs of the plant at the same instant: there is no delay between "
-        "them. With the isolator the communication step counts: it holds acceleration and force, and the plant's "
-        "acceleration at the end of a step is that of the forces held over it. The closed form has all three; a pure "
-        "delay of 1.5 steps is enough for the largest singular value, but not for the smallest one near the modes of "
-        "the bus.",
+        f"The FMUs, shaken, against the closed form. {verdict(measured)}",
     ]
 
 
