@@ -32,7 +32,8 @@ def run(command, lines=None):
     """Type a command into a terminal; show what it prints, or the first lines of that."""
     program, *words = shlex.split(command)
     path = Path(sys.executable).with_name(program)
-    done = subprocess.run([path, *words], cwd=FOLDER, capture_output=True, text=True, env=os.environ | {"COLUMNS": "100"})
+    narrow = os.environ | {"COLUMNS": "80"}
+    done = subprocess.run([path, *words], cwd=FOLDER, capture_output=True, text=True, env=narrow)
     printed = (done.stdout or done.stderr).replace(f"{FOLDER}/", "").splitlines()
     rest = ["..."] if printed[lines or len(printed) :] else []
     print("\n".join([f"$ {command}", *printed[:lines], *rest]))
