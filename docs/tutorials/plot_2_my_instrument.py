@@ -11,6 +11,7 @@ than sixty lines.
 # %%
 # Two functions stand for the editor and the terminal. You need neither.
 
+import os
 import shlex
 import shutil
 import subprocess
@@ -31,7 +32,8 @@ def run(command, lines=None):
     """Type a command into a terminal; show what it prints, or the first lines of that."""
     program, *words = shlex.split(command)
     path = Path(sys.executable).with_name(program)
-    done = subprocess.run([path, *words], cwd=FOLDER, capture_output=True, text=True)
+    narrow = os.environ | {"COLUMNS": "80"}
+    done = subprocess.run([path, *words], cwd=FOLDER, capture_output=True, text=True, env=narrow)
     printed = (done.stdout or done.stderr).replace(f"{FOLDER}/", "").splitlines()
     rest = ["..."] if printed[lines or len(printed) :] else []
     print("\n".join([f"$ {command}", *printed[:lines], *rest]))
@@ -79,7 +81,7 @@ noise.scale = 0.0003                                 # of a large spacecraft's
 # ``Instrument.ssd`` has seismic accelerometers before the isolator and voice coils behind it. The
 # forces of the isolator shake the light satellite, whose acceleration it measures: that is a loop.
 
-run("ps-fmu analyse stability --system Instrument.ssd --instrument telescope.toml", lines=22)
+run("ps-fmu analyse stability --system Instrument.ssd --instrument telescope.toml", lines=32)
 
 # %%
 # It is stable, but half a decibel more gain makes it unstable at 222 Hz, where the rods of the
@@ -92,7 +94,7 @@ write(
 lowpass_stop_frequency = 500.0                       # Hz, instead of 1000
 """,
 )
-run("ps-fmu analyse stability --system Instrument.ssd --instrument telescope.toml", lines=22)
+run("ps-fmu analyse stability --system Instrument.ssd --instrument telescope.toml", lines=32)
 
 # %%
 # All legs alike have a gain margin of more than 12 dB.
