@@ -287,6 +287,14 @@ def test_of_texts_the_best_and_the_worst_are_named(make_plan):
     assert found.shares[0].lower < (26.0 / 9.0) / (26.0 / 9.0 + 1.0) < found.shares[0].upper
 
 
+def test_of_values_between_which_an_output_turns_the_best_and_the_worst_are_named(make_plan):
+    """As a delay near half a period of a resonance, but not one of a whole period."""
+    made = make_plan("random", 200, [[0.0, 1.0, 2.0, 4.0], UNIFORM])
+    values = np.array([0.0, -0.2, 9.0, 0.0, 0.3])[made.draws[:, 0].astype(int)]
+    (found,) = find_influences(made, (values + 0.1 * np.random.default_rng(0).standard_normal(200))[None])
+    assert found.shapes[0] == "least at 1 m, largest at 2 m"
+
+
 def test_shares_of_a_grid_without_noise_are_those_of_the_analysis_of_variance(make_plan):
     """Three by four points: row means, column means, and what is left, by hand."""
     a, b = np.meshgrid([0.0, 1.0, 2.0], [0.0, 1.0, 3.0, 4.0], indexing="ij")

@@ -232,13 +232,19 @@ def describe_shape(factor: Factor, draws: Array, values: Array, share: float) ->
 
     By a cubic between the 5 % and 95 % points of the draws: a turn counts if the curve comes back from it by a tenth of
     its range and by three standard deviations at both ends.  Where the cubic does not show half of the share, the curve
-    turns more than twice.  Of texts, by the means of the levels.
+    turns more than twice.  Of texts, and of numbers in a list between which it turns, by the means of the levels.
     """
     levels, which = np.unique(draws, return_inverse=True)
-    if factor.has_texts:
+    turns, (unit, scale) = "up and down", factor.shown
+    unit = "" if unit == "1" else f" {unit}"
+    if factor.levels:
         means = np.bincount(which, values) / np.bincount(which)
-        least, largest = (factor.levels[int(levels[place])] for place in (means.argmin(), means.argmax()))
-        return f"least at {least}, largest at {largest}"
+        ends = [levels[place] for place in (means.argmin(), means.argmax())]
+        if factor.has_texts:
+            least, largest = (factor.levels[int(end)] for end in ends)
+            return f"least at {least}, largest at {largest}"
+        least, largest = (f"{scale * end:.10g}{unit}" for end in ends)
+        turns = f"least at {least}, largest at {largest}"
     centre, width = float(draws.mean()), float(draws.std())
     x, degree = (draws - centre) / width, min(4, len(levels))
     low, high = (float(np.quantile(x, level)) for level in (0.05, 0.95))
@@ -248,7 +254,7 @@ def describe_shape(factor: Factor, draws: Array, values: Array, share: float) ->
     curve = shown @ found
     spread = np.linalg.inv(columns.T @ columns) * float(rest @ rest) / max(1, len(x) - degree)
     if 1.0 - float(rest.var() / values.var()) < 0.5 * share:
-        return "up and down"
+        return turns
 
     def rises(start: int, end: int) -> bool:
         """Whether the curve is higher at the end than at the start, surely."""
@@ -258,8 +264,7 @@ def describe_shape(factor: Factor, draws: Array, values: Array, share: float) ->
     least, largest = int(curve.argmin()), int(curve.argmax())
     valley, peak = rises(least, 0) and rises(least, -1), rises(0, largest) and rises(-1, largest)
     if valley == peak:
-        return "up and down" if valley else "rising" if curve[-1] > curve[0] else "falling"
-    unit, scale = factor.shown
+        return turns if valley else "rising" if curve[-1] > curve[0] else "falling"
     digits = 1 - math.floor(math.log10(scale * width))
     where = f"{round(scale * (centre + float(at[least if valley else largest]) * width), digits):.10g}"
-    return f"{'least' if valley else 'largest'} near {where}" + ("" if unit == "1" else f" {unit}")
+    return f"{'least' if valley else 'largest'} near {where}{unit}"
