@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 from ps_fmu import cli, run_command
-from ps_fmu.analyses.jobs import JobError
 from ps_fmu.analyses.table import Analysis
 from ps_fmu.cli import main
 from ps_fmu.runs.options import OptionError
@@ -104,7 +103,7 @@ def analyse_with(monkeypatch, function):
     monkeypatch.setattr(Analysis, "load", lambda analysis, **_: function)
 
 
-@pytest.mark.parametrize(("error", "code"), [(OptionError("--x"), 2), (JobError("x"), 1), (KeyboardInterrupt(), 130)])
+@pytest.mark.parametrize(("error", "code"), [(OptionError("--x"), 2), (ValueError("x"), 1), (KeyboardInterrupt(), 130)])
 def test_an_analysis_that_ends_early_keeps_what_it_has_written(tmp_path, monkeypatch, capsys, error, code):
     def write(options):
         (options.output / "part.json").write_text("{}")

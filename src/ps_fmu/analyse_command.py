@@ -50,7 +50,6 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the analysis that the arguments name, write and print its results; returns the exit code."""
-    from .analyses.jobs import JobError
     from .cosim.errors import CosimError
     from .runs.options import OptionError
     from .runs.output import leave_no_empty_folder
@@ -66,7 +65,7 @@ def run(arguments: argparse.Namespace) -> int:
             why, code = str(error), 2
         except KeyboardInterrupt:
             why, code = "interrupted", 130
-        except (BuildError, CosimError, JobError, OSError, ValueError) as error:
+        except (BuildError, CosimError, OSError, ValueError) as error:
             why, code = reason(error), 1
         else:
             why, code = "", 0

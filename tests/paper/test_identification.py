@@ -262,8 +262,8 @@ def test_the_command_writes_a_set_that_meets_the_published_numbers(tmp_path, cap
     original, lighter = load(path), load(path, bus="LSM")
     assert geometry.limits(original.manipulator.geometry) == pytest.approx(targets(geometry.KEYS), abs=1e-5)  # deg
     assert suspension.margins(lighter) == pytest.approx(targets(suspension.KEYS), abs=0.2)
-    weights = noise.weights(original, active=False)
-    assert noise.rms(weights, original.noise.wrench_psd_B) == pytest.approx(targets(noise.KEYS), rel=0.01)
+    weights = noise.compute_weights(original)
+    assert noise.rms(weights.passive, original.noise.wrench_psd_B) == pytest.approx(targets(noise.KEYS), rel=0.01)
     assert np.array_equal(original.known_com_P, original.payload.com_P)
     # The same for the FMUs: their start values, and what the file for them changes.
     assert dict(read_parameters(path.with_suffix(".ssv"))) == differences(original)

@@ -38,9 +38,7 @@ def test_a_number_without_a_value_is_neither_right_nor_wrong():
 def test_what_is_written(tmp_path, capsys, monkeypatch):
     """With the errata of one entry, and without the other analyses: these have their own tests."""
     erratum = Erratum("(1)", "wrong", "right", "computed", 1e-12, 0.5)
-    monkeypatch.setattr(overview, "FIGURES", {})
-    here = lambda jobs, report: {job.name: job.function(*job.arguments) for job in jobs}  # noqa: E731
-    monkeypatch.setattr(overview, "run_jobs", here)
+    monkeypatch.setattr(overview, "FIGURES", ())
     monkeypatch.setattr("ps_fmu.paper.errata.ENTRIES", (lambda: erratum,))
     assert main(["analyse", "paper", "--output", str(tmp_path), "--system", str(SYSTEM)]) == 0
     content = json.loads((tmp_path / "paper.json").read_text())

@@ -16,27 +16,6 @@ COHERENCE = 0.99  # of every output; where it is lower nothing is said
 ALLOWED_DB, ALLOWED_DEG = 0.2, 2.0
 
 
-def lines_within(response: Response, band: tuple[float, float]) -> NDArray[np.bool_]:
-    """(n,): lines within a band, Hz."""
-    return np.asarray((response.frequency >= band[0]) & (response.frequency <= band[1]))
-
-
-def coherent_lines(response: Response, band: tuple[float, float]) -> NDArray[np.bool_]:
-    """(n,): lines within a band, Hz, at which every output has enough coherence.
-
-    Raises
-    ------
-    ValueError: there is none.
-    """
-    found = lines_within(response, band) & (response.coherence > COHERENCE).all(axis=1)
-    if not found.any():
-        raise ValueError(
-            f"no line from {band[0]:g} to {band[1]:g} Hz has a coherence above {COHERENCE:g}: "
-            "the measurement says nothing; let transients settle longer, or lengthen the records"
-        )
-    return np.asarray(found)
-
-
 @dataclass(frozen=True, eq=False)
 class Agreement:
     """A measured response beside its closed form.
@@ -47,17 +26,25 @@ class Agreement:
     """
 
     response: Response
-    reference: NDArray[np.complex128]  # (n, 3, 6)
+    reference: NDArray[np.complex128]  # (n, 3, 6), or as the response has it
+    band: tuple[float, float] = BAND  # Hz
 
     @property
     def within(self) -> NDArray[np.bool_]:
         """(n,): lines within the band."""
-        return lines_within(self.response, BAND)
+        low, high = self.band
+        return np.asarray((self.response.frequency >= low) & (self.response.frequency <= high))
 
     @cached_property
     def checked(self) -> NDArray[np.bool_]:
-        """(n,): lines within the band and with enough coherence.  Raises ValueError if there is none."""
-        return coherent_lines(self.response, BAND)
+        """(n,): lines within the band at which every output has enough coherence.  Raises ValueError if none has."""
+        found = self.within & (self.response.coherence > COHERENCE).all(axis=1)
+        if not found.any():
+            raise ValueError(
+                f"no line from {self.band[0]:g} to {self.band[1]:g} Hz has a coherence above {COHERENCE:g}: the "
+                "measurement says nothing; let transients settle longer, or lengthen the records"
+            )
+        return np.asarray(found)
 
     @property
     def lowest_coherence(self) -> float:
@@ -66,7 +53,7 @@ class Agreement:
 
     @cached_property
     def ratio(self) -> NDArray[np.complex128]:
-        """Measured over closed form for each singular value, (n, 3)."""
+        """Measured over closed form for each singular value, (n, 3); of one element, (n, 1)."""
         U, sigma, Vh = np.linalg.svd(self.reference, full_matrices=False)
         return np.asarray(np.einsum("nri,nrc,nic->ni", U.conj(), self.response.matrix, Vh.conj()) / sigma)
 
@@ -105,7 +92,7 @@ class Agreement:
     def entry(self) -> dict[str, object]:
         """For the JSON file."""
         return {
-            "band_hz": BAND,
+            "band_hz": self.band,
             "lines": int(self.within.sum()),
             "lines_checked": int(self.checked.sum()),
             "lowest_coherence": self.lowest_coherence,

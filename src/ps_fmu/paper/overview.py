@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict
 
-from tqdm import tqdm
-
-from ..analyses.jobs import Job, run_jobs
 from ..analyses.result import AnalysisResult, Finding
 from ..analyses.table import ANALYSES, AnalysisOptions
 from ..control.commander import DEFAULT_ALGORITHM_1
 from ..cosim.ssp.parameters import read_parameters
 from ..mechanism.parameters import load
-from ..runs.built_fmus import provide_fmus
 from ..theory.loop import loop_at
 from . import errata
 from .errata import Erratum, errata_table
@@ -21,28 +17,22 @@ from .figures.table2.runs import ORIENTATIONS, knowledge_text
 from .published import ANGLES, make_finding, published_numbers
 from .workspace import STEP
 
-FIGURES = {"workspace": 4.0, "trajectories": 34.0, "transmissibility": 95.0, "stability": 24.0, "jitter": 28.0}
-"""The analyses that are put together, and the seconds of one processor that each takes."""
-ERRATA, ERRATA_COST_S = "errata", 6.0
+FIGURES = ("workspace", "trajectories", "transmissibility", "stability", "jitter")
+"""The analyses that are put together."""
 
 
 def analyse(options: AnalysisOptions) -> AnalysisResult:
     """Run the analyses of the figures, compute the errata, put everything together.
 
-    Each analysis writes its files when it has ended.  Raises JobError after all have ended if one of them has failed,
-    and what comes before the first of them raises: BuildError, OSError, OptionError.
+    Each analysis writes its files when it has ended.  Raises what the analyses raise, and OSError.
     """
-    findings = list_settings(options)  # first: a missing parameter file is noticed before the long runs
-    if any(ANALYSES[name].needs_fmus for name in FIGURES):
-        provide_fmus(options.fmus, options.system)  # here: the processes of the jobs would all build them
-    jobs = list_jobs(options)
-    form = "{desc}: {percentage:3.0f}% |{bar}| [{elapsed}<{remaining}{postfix}]"
-    total = sum(job.cost_s for job in jobs)
-    with tqdm(total=total, desc="analyses", disable=not options.progress, bar_format=form) as bar:
-        found = run_jobs(jobs, report=lambda job: bar.update(job.cost_s))
-    parts: list[AnalysisResult] = [found[name] for name in FIGURES]
-    entries: Sequence[Erratum] = found[ERRATA]
-    findings = order_findings([*findings, *(finding for part in parts for finding in part.findings)])
+    found = list_settings(options)  # first: a missing parameter file is noticed before the long runs
+    parts = []
+    for name in FIGURES:
+        parts.append(ANALYSES[name].load()(options))
+        parts[-1].write(options.output)
+        found += parts[-1].findings
+    entries, findings = errata.errata(), order_findings(found)
     return AnalysisResult(
         name="paper",
         title="The paper's numbers, and ours",
@@ -55,27 +45,13 @@ def analyse(options: AnalysisOptions) -> AnalysisResult:
     )
 
 
-def list_jobs(options: AnalysisOptions) -> list[Job]:
-    """The analyses of the figures, and the errata."""
-    options = replace(options, progress=False)
-    jobs = [Job(name, cost_s, run_analysis, (name, options)) for name, cost_s in FIGURES.items()]
-    return [*jobs, Job(ERRATA, ERRATA_COST_S, errata.errata)]
-
-
-def run_analysis(name: str, options: AnalysisOptions) -> AnalysisResult:
-    """Run an analysis, and write its files."""
-    result = ANALYSES[name].load()(options)
-    result.write(options.output)
-    return result
-
-
-def paragraphs(findings: Sequence[Finding], errata: Sequence[Erratum]) -> list[str]:
+def paragraphs(findings: Sequence[Finding], entries: Sequence[Erratum]) -> list[str]:
     """What the tables hold."""
-    numeric = sum(erratum.error_printed is not None for erratum in errata)
+    numeric = sum(erratum.error_printed is not None for erratum in entries)
     return [
         count_text(findings),
         knowledge_text(),
-        f"The errata have {len(errata)} entries. For {numeric} of them the error of the printed form is a number; "
+        f"The errata have {len(entries)} entries. For {numeric} of them the error of the printed form is a number; "
         "all of these are computed anew with this report.",
     ]
 

@@ -19,12 +19,15 @@ ANGLES = ("roll", "pitch", "yaw")  # as the keys of Table 1 and the orientations
 @cache
 def published_numbers() -> dict[str, PublishedNumber]:
     """All published numbers by key, such as ``table1.roll_max``, in the order of the paper."""
-    numbers = {}
-    with files(__package__).joinpath("published.csv").open(encoding="utf-8") as file:
-        for row in csv.DictReader(file):
-            value = json.loads(row.pop("value"))  # an integer stays one in the files of results
-            numbers[row["key"]] = PublishedNumber(value=value, **row)
-    return numbers
+    rows = read_rows("published.csv")
+    # An integer stays one in the files of results.
+    return {row["key"]: PublishedNumber(**{**row, "value": json.loads(row["value"])}) for row in rows}
+
+
+def read_rows(name: str) -> list[dict[str, str]]:
+    """The rows of a CSV file of this package, each by the names in its header."""
+    with files(__package__).joinpath(name).open(encoding="utf-8") as file:
+        return list(csv.DictReader(file))
 
 
 def make_finding(

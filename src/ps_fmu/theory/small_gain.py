@@ -45,8 +45,8 @@ def nominal_loop_poles(d: Dynamics) -> Complex:
     block = np.ix_(both, both)
     M = d.M[block].copy()
     M[:6, :6] -= d.M[q_b, d_f] @ np.linalg.solve(d.jacobians.J_theta_f, d.jacobians.J_theta_b)
-    suspension = _quadratic_roots(d.M[d_f, d_f], d.C[d_f, d_f], d.K[d_f, d_f])
-    arrays = _quadratic_roots(M, d.C[block], d.K[block])
+    suspension = quadratic_roots(d.M[d_f, d_f], d.C[d_f, d_f], d.K[d_f, d_f])
+    arrays = quadratic_roots(M, d.C[block], d.K[block])
     return np.concatenate([suspension, arrays[np.abs(arrays) > _BASE_AT_REST]])
 
 
@@ -63,8 +63,8 @@ def _mobile_base(nominal: Nominal | Practical, s: ArrayLike) -> Complex:
     return np.asarray(np.linalg.solve(np.eye(6) - Y @ follow, -Y @ np.linalg.inv(J.J_theta_f)))
 
 
-def _quadratic_roots(M: Array, C: Array, K: Array) -> Complex:
-    """Roots of det(s^2 M + s C + K) = 0."""
+def quadratic_roots(M: Array, C: Array, K: Array) -> Complex:
+    """Roots of det(s^2 M + s C + K) = 0, (2 n,), of matrices (n, n)."""
     n = len(M)
     A = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(M, K), -np.linalg.solve(M, C)]])
     return np.asarray(np.linalg.eigvals(A).astype(complex))

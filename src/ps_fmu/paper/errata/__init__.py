@@ -7,9 +7,9 @@ compared with a route that does not use the equation in question.
 from __future__ import annotations
 
 from . import control, dynamics, kinematics
-from .case import BY_READING, Erratum, errata_table
+from .case import Erratum, errata_table
 
-__all__ = ["BY_READING", "ENTRIES", "Erratum", "errata", "errata_table"]
+__all__ = ["ENTRIES", "Erratum", "errata", "errata_table"]
 
 #: Functions that each return one entry, in the order of the paper.
 ENTRIES = (

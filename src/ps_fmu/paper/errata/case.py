@@ -19,12 +19,12 @@ from ...mechanism.rotations import rotation_matrix
 from ...results.tables import Table
 from ...theory.transfer_matrices import Complex, Nominal, Practical
 from ..bus_cases import assemble_nominal
+from ..published import read_rows
 
 ORIENTATION = np.radians([3.0, -4.0, 10.0])  # roll, pitch, yaw, rad
 S: Complex = np.asarray(2j * np.pi * np.geomspace(0.05, 300.0, 40))  # rad/s, from below the modes of the bus upwards
 SEED = 20230213
 Matrix = NDArray[np.inexact[Any]]
-BY_READING = "by reading"
 
 
 @dataclass(frozen=True)
@@ -38,6 +38,20 @@ class Erratum:
     error_right: float | None = None  # error of the right form, in ``unit``; None where no number belongs to it
     error_printed: float | None = None  # the same of the printed form
     unit: str = ""  # of the errors; empty: they are relative
+
+
+def make_erratum(
+    equation: str, error_right: float | None = None, error_printed: float | None = None, **values: float | str
+) -> Erratum:
+    """The entry of ``errata.csv`` for a place in the paper with its errors; ``values`` fill the braces of its texts."""
+    texts = {column: text.format(**values) for column, text in _texts()[equation].items()}
+    return Erratum(**texts, error_right=error_right, error_printed=error_printed)
+
+
+@cache
+def _texts() -> dict[str, dict[str, str]]:
+    """The rows of ``errata.csv`` by their places in the paper."""
+    return {row["equation"]: row for row in read_rows("errata.csv")}
 
 
 def errata_table(errata: Sequence[Erratum]) -> Table:

@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 
 from ...mechanism.dynamics import Dynamics
-from ...mechanism.parameters import Array, load
-from ...theory.small_gain import nominal_complement
+from ...mechanism.parameters import load
+from ...theory.small_gain import nominal_complement, nominal_loop_poles, quadratic_roots
 from ...theory.transfer_matrices import Complex
 from ..bus_cases import assemble_nominal
 from ..figures.fig06 import CLAIMED_LIMIT, compute_reach
 from ..figures.fig10.closed_form import judge
 from ..published import published_numbers
 from . import case
-from .case import Erratum, relative_error
+from .case import Erratum, make_erratum, relative_error
 
 
 def optimal_controller() -> Erratum:
@@ -29,11 +29,8 @@ def optimal_controller() -> Erratum:
         bracket = nominal.G11(s) - inverse @ U12 @ G @ U21 @ inverse
         return np.asarray(-np.linalg.solve(J.J_theta_f @ bracket, G_P))
 
-    return Erratum(
+    return make_erratum(
         "(50), line 4",
-        "... (-G22^-1 U21 U11^-1) ...",
-        "... (-G22 U21 U11^-1) ...; the last line is right",
-        "first line of (50) with A, G_P and C by one solve of (25), against line 4 and the gains (52) to (54)",
         max(relative_error(fourth_line(G22), optimal), relative_error(case.optimal_gains().optimal(s), optimal)),
         relative_error(fourth_line(np.asarray(np.linalg.inv(G22))), optimal),
     )
@@ -50,14 +47,7 @@ def gains_and_signals() -> Erratum:
     def left(K: Complex) -> float:
         return relative_error(-path @ K, G_P)
 
-    return Erratum(
-        "(51) to (54), (55)",
-        "K_we = H2 K(52) + H1 K(53) + M K(54)",
-        "K_we = M K(52) + H1 K(53) + H2 K(54), on acceleration: (52) is the gain of acceleration, (54) of displacement",
-        "what is left of the transmissibility with ideal filters, against G_P, by one solve of (25)",
-        left(right.optimal(s)),
-        left(printed.optimal(s)),
-    )
+    return make_erratum("(51) to (54), (55)", left(right.optimal(s)), left(printed.optimal(s)))
 
 
 def sensitivity() -> Erratum:
@@ -70,35 +60,24 @@ def sensitivity() -> Erratum:
     fine_legs = (s * s)[:, None, None] * (M_ebf @ np.linalg.solve(U11, M_ebf.T + 0.0j))
     printed = np.linalg.inv(M_eb + M_ebf @ case.following_matrix()) @ (M_eb - fine_legs)
     S = np.linalg.inv(np.eye(6) - case.plant().C(s) @ case.optimal_gains().optimal(s))
-    return Erratum(
-        "(56), last line",
-        "(M_eb + M_ebf J_thf^-1 J_thb)^-1 (M_eb - s^2 M_ebf U11^-1 M_efb)",
-        "(M_eb - Q - M_ebf J_thf^-1 J_thb)^-1 (M_eb - Q - s^2 M_ebf U11^-1 M_efb), "
-        "Q = M_b12 (s^2 M_b22 + K_bm)^-1 s^2 M_b21",
-        "first line of (56) with C by one solve of (25)",
-        relative_error(right, S),
-        relative_error(printed, S),
-    )
+    return make_erratum("(56), last line", relative_error(right, S), relative_error(printed, S))
 
 
 def poles() -> Erratum:
     """(57): poles of the loop of nominal plant and optimal controller."""
     d, damped = case.dynamics(), assemble_nominal(load(), case.pose())
-    found, suspension, arrays = _poles_of_the_loop(d), _roots_57(), _free_array_roots()
+    found, roots = _poles_of_the_loop(d), nominal_loop_poles(d)
+    suspension, arrays = np.split(roots, [6])  # of (57); free modes of the arrays
     below = 1.5 * np.abs(arrays).max()  # rad/s: between the arrays and the suspension
     hertz = np.abs(arrays) / (2.0 * np.pi)
     undamped, real = (poles[np.abs(poles) < below].real for poles in (found, _poles_of_the_loop(damped)))
-    return Erratum(
+    return make_erratum(
         "(57)",
-        "poles: det(s^2 M_ef + s C_f + K_f) = 0",
-        "also det(U22 - U21 J_thf^-1 J_thb) = 0: the free modes of the arrays",
-        f"eigenvalues of the closed loop in all {d.active.sum()} coordinates; errors: largest distance of a pole from "
-        f"the nearest root. The {len(arrays)} array poles, {hertz.min():.2f} to {hertz.max():.2f} Hz, have real parts "
-        f"up to {np.abs(undamped).max():.0e} rad/s; with the modal damping of the parameter set {real.min():.3f} to "
-        f"{real.max():.3f} rad/s",
-        _largest_distance(found, np.concatenate([suspension, arrays])),
+        _largest_distance(found, roots),
         _largest_distance(found, suspension),
-    )
+        coordinates=d.active.sum(), count=len(arrays), lowest=hertz.min(), highest=hertz.max(),
+        undamped=np.abs(undamped).max(), least=real.min(), most=real.max(),
+    )  # fmt: skip
 
 
 def robust_factor() -> Erratum:
@@ -113,11 +92,8 @@ def robust_factor() -> Erratum:
     def product(S_delta_inverse: Complex) -> Complex:
         return np.asarray((E - T) @ np.linalg.inv(S_delta_inverse))
 
-    return Erratum(
+    return make_erratum(
         "(60)",
-        "S_Delta = (E - Delta T)^-1",
-        "S_Delta = (E + Delta T)^-1; the small-gain test (62) is the same",
-        "S' = (E - C' K)^-1 against S S_Delta, with the delay of section 4.2 as Delta and C by one solve of (25)",
         relative_error(product(E + delta_T), practical),
         relative_error(product(E - delta_T), practical),
     )
@@ -134,33 +110,8 @@ def _poles_of_the_loop(d: Dynamics) -> Complex:
         with_force = matrix.copy()
         with_force[d.slices["d_f"], d.slices["q_b"]] -= gain
         closed.append(with_force[np.ix_(on, on)])
-    found = _quadratic_roots(*closed)
+    found = quadratic_roots(*closed)
     return np.asarray(found[np.abs(found) > 0.1])  # rad/s; the base's are at zero but for rounding
-
-
-def _roots_57() -> Complex:
-    """Roots of (57), rad/s."""
-    d, d_f = case.dynamics(), case.dynamics().slices["d_f"]
-    return _quadratic_roots(d.M[d_f, d_f], d.C[d_f, d_f], d.K[d_f, d_f])
-
-
-def _free_array_roots() -> Complex:
-    """Roots of det(U22 - U21 J_thf^-1 J_thb) = 0 other than zero, rad/s: of base and modes, the payload not turning."""
-    d = case.dynamics()
-    q_b, x_m = d.slices["q_b"], d.slices["x_m"]
-    both = slice(q_b.start, x_m.stop)
-    M, K = d.M[both, both].copy(), d.K[both, both]
-    M[:6, :6] -= d.M[q_b, d.slices["d_f"]] @ case.following_matrix()
-    squares = np.linalg.eigvals(np.linalg.solve(M, -K)).astype(complex)
-    omega = np.sqrt(squares[np.abs(squares) > 0.01])
-    return np.concatenate([omega, -omega])
-
-
-def _quadratic_roots(M: Array, C: Array, K: Array) -> Complex:
-    """Roots of det(s^2 M + s C + K) = 0."""
-    n = len(M)
-    A = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(M, K), -np.linalg.solve(M, C)]])
-    return np.asarray(np.linalg.eigvals(A).astype(complex))
 
 
 def _largest_distance(values: Complex, roots: Complex) -> float:
@@ -172,16 +123,11 @@ def range_of_orientations() -> Erratum:
     """The claim of the conclusions."""
     reach = compute_reach()
     pitch = reach.pure[1]
-    return Erratum(
+    return make_erratum(
         "Table 1, section 5",
-        f"any roll, pitch and yaw within +-{CLAIMED_LIMIT:g} deg can be reached",
-        f"any within +-{reach.cube:.2f} deg",
-        f"inverse kinematics and stroke: pitch alone reaches {pitch[0]:+.2f} to {pitch[1]:+.2f} deg, and the largest "
-        f"cube of roll, pitch and yaw is that of +-{reach.cube:.2f} deg; the error is by how much the cube is "
-        "overstated. Table 1 holds the extremes of each angle wherever they occur",
         error_printed=CLAIMED_LIMIT - reach.cube,
-        unit="deg",
-    )
+        claimed=CLAIMED_LIMIT, cube=reach.cube, low=pitch[0], high=pitch[1],
+    )  # fmt: skip
 
 
 def rejection_of_table_2() -> Erratum:
@@ -189,29 +135,22 @@ def rejection_of_table_2() -> Erratum:
     numbers = published_numbers()
     passive, active, said = (numbers[f"table2.roll_{what}_3"].value for what in ("passive", "active", "rejection"))
     follows = 100.0 * (1.0 - active / passive)
-    return Erratum(
+    return make_erratum(
         "Table 2, (8.5, 0, 0) deg, axis 3",
-        f"{said:g} %",
-        f"{follows:.2f} %",
-        f"1 - {active:g} / {passive:g}, the RMS values beside it",
         error_printed=abs(said - follows),
-        unit="points",
-    )
+        said=said, follows=follows, active=active, passive=passive,
+    )  # fmt: skip
 
 
 def verdict_on_the_lighter_module() -> Erratum:
     """Fig 10: the critical point."""
     delay = published_numbers()["text.delay"].value
     lsm = judge("LSM", delay)
-    return Erratum(
+    return make_erratum(
         "Fig 10, section 4.2",
-        f"LSM with {delay:g} s delay is unstable: margins of +C K_we against -1",
-        "stable: by (48) the critical point is +1",
-        f"argument principle: {lsm.unstable_poles} poles in the right half-plane about +1, {lsm.encirclements} if the "
-        f"point were -1; the rightmost pole of the suspension is at {lsm.rightmost.real:.2f} "
-        f"{lsm.rightmost.imag:+.2f}i rad/s; the loop becomes unstable beyond a delay of {1e3 * lsm.delay_limit:.1f} "
-        f"ms, by bisection {1e3 * lsm.bisected:.1f} ms",
-    )
+        delay=delay, unstable=lsm.unstable_poles, about_minus_one=lsm.encirclements, real=lsm.rightmost.real,
+        imag=lsm.rightmost.imag, limit_ms=1e3 * lsm.delay_limit, bisected_ms=1e3 * lsm.bisected,
+    )  # fmt: skip
 
 
 RESULT_ENTRIES = (range_of_orientations, rejection_of_table_2, verdict_on_the_lighter_module)

@@ -11,7 +11,7 @@ from ...mechanism.rotations import rotation_from_vector, skew
 from ...theory.transfer_matrices import Complex, Practical
 from ..bus_cases import assemble_nominal, load_case, mobile_base_factors
 from . import case
-from .case import Erratum, rate, relative_error
+from .case import Erratum, make_erratum, rate, relative_error
 
 
 def inertia_about_origin() -> Erratum:
@@ -27,14 +27,7 @@ def inertia_about_origin() -> Erratum:
     def error(M: Array) -> float:
         return float(np.abs(0.5 * np.sum(twists @ M * twists, axis=1) / energy - 1.0).max())
 
-    return Erratum(
-        "(20), (23)",
-        "right, but I_p and I_b are not said to be about the origin of the frame",
-        "I = I_com - m rho~ rho~",
-        "kinetic energy of the bus when it turns about its centre of mass; with I_com the energy is negative",
-        error(bus_mass(bus)),
-        error(misread),
-    )
+    return make_erratum("(20), (23)", error(bus_mass(bus)), error(misread))
 
 
 def energy_of_the_bus() -> Erratum:
@@ -57,14 +50,7 @@ def energy_of_the_bus() -> Erratum:
         M = np.block([[M_b, M_b12], [lower_left, M_b22]])
         return float(np.abs(factor * np.sum(rates @ M.T * rates, axis=1) / energy - 1.0).max())
 
-    return Erratum(
-        "(22)",
-        "T_b = (q_b' x_m') [M_b M_b12; M_b12 M_b22] (q_b' x_m')^T",
-        "with the factor 1/2 and with M_b21 at the lower left",
-        "kinetic energy of a body of 20 particles with six modes; without the factor alone it is twice the right one",
-        error(0.5, M_b12.T),
-        error(1.0, M_b12),
-    )
+    return make_erratum("(22)", error(0.5, M_b12.T), error(1.0, M_b12))
 
 
 def modal_term() -> Erratum:
@@ -76,14 +62,7 @@ def modal_term() -> Erratum:
     U22 = case.nominal().U(case.S)[3]
     plus = 2.0 * s2 * d.M[q_b, q_b] - U22
     eliminated = np.linalg.inv(held[:, :6, :6])
-    return Erratum(
-        "(29), (30)",
-        "X_m = +(...)^-1 s^2 M_b21 Q_b and U22 = s^2 (M_eb + M_b12 (...)^-1 s^2 M_b21)",
-        "minus in both",
-        "base motion by one solve for base and modes with the fine legs held",
-        relative_error(U22, eliminated),
-        relative_error(plus, eliminated),
-    )
+    return make_erratum("(29), (30)", relative_error(U22, eliminated), relative_error(plus, eliminated))
 
 
 def base_rotation() -> Erratum:
@@ -100,12 +79,8 @@ def base_rotation() -> Erratum:
         return 0.5 * (relative[:, [2, 0, 1], [1, 2, 0]] - relative[:, [1, 2, 0], [2, 0, 1]])
 
     J_theta_b_P = rate(rotation_P, 3e-4).T
-    return Erratum(
+    return make_erratum(
         "(39)",
-        "J_thb = [0 R]",
-        "J_thb = [0 E] in axes of B, [0 R^T] if theta_p is in axes of P as in Table 2",
-        "in B: J_lp^-1 J_lb (10) from the joints of the six legs; in P: finite differences of the platform's rotation "
-        "in its own axes while the base moves and the legs are held. The error of the printed form is the smaller one",
         max(
             relative_error(J.J_theta_b, np.hstack([nothing, np.eye(3)])),
             relative_error(J_theta_b_P, np.hstack([nothing, R.T])),
@@ -118,16 +93,12 @@ def mobile_base_factor() -> Erratum:
     """(41), (42): the estimate ignores the resonances of the bus."""
     (original, original_estimate), (lighter, estimate) = mobile_base_factors("OSM"), mobile_base_factors("LSM")
     peak = _peak("LSM")
-    return Erratum(
+    return make_erratum(
         "(41), (42)",
-        "v is about sigma(M_eb^-1 M_ebf)",
-        "v is the peak at a resonance of the arrays",
-        f"OSM {original:.3f} where (42) gives {original_estimate:.4f}, LSM {lighter:.2f} where it gives "
-        f"{estimate:.3f}; errors for LSM, of the H-infinity norm and of (42), against a search for the peak over "
-        "frequency",
         abs(lighter / peak - 1.0),
         abs(estimate / peak - 1.0),
-    )
+        original=original, original_estimate=original_estimate, lighter=lighter, estimate=estimate,
+    )  # fmt: skip
 
 
 def plant_on_a_mobile_base() -> Erratum:
@@ -140,14 +111,7 @@ def plant_on_a_mobile_base() -> Erratum:
         relative_error(-Y @ G11, plant.C(case.S)),
         relative_error((J.J_theta_f - J.J_theta_b @ Y) @ G11, plant.A(case.S)),
     ]
-    return Erratum(
-        "(43), (44)",
-        "(U11 - Y U21)^-1",
-        "(U11 - U12 Y)^-1",
-        "A and C by one solve of (25) with all coordinates; the printed product of "
-        f"{_size(Y)} and {_size(U21)} does not exist",
-        max(errors),
-    )
+    return make_erratum("(43), (44)", max(errors), size_Y=_size(Y), size_U21=_size(U21))
 
 
 ENTRIES = (

@@ -20,14 +20,9 @@ from ..figures.fig07.runs import EPSILON_AS_PUBLISHED
 from ..figures.table2.runs import ORIENTATIONS
 from ..published import published_numbers
 from . import case
-from .case import BY_READING, Erratum, rate, relative_error
+from .case import Erratum, make_erratum, rate, relative_error
 
 EPSILON = DEFAULT_ALGORITHM_1.epsilon  # m, of Algorithm 1 as printed
-
-
-def second_vector() -> Erratum:
-    """(5)."""
-    return Erratum("(5)", "q_p = (t_b, theta_b)", "q_b = (t_b, theta_b)", BY_READING)
 
 
 def base_term() -> Erratum:
@@ -47,14 +42,7 @@ def base_term() -> Erratum:
 
     moved = rate(platform, 3e-4)
     by_legs, by_base = d @ J.J_pl.T, q_b @ J.J_pb.T
-    return Erratum(
-        "(8), (11)",
-        "dq_p = J_pl dd - J_pb dq_b",
-        "dq_p = J_pl dd + J_pb dq_b, as in (24)",
-        "finite differences of the forward kinematics on a moving base, eight random motions",
-        relative_error(by_legs + by_base, moved),
-        relative_error(by_legs - by_base, moved),
-    )
+    return make_erratum("(8), (11)", relative_error(by_legs + by_base, moved), relative_error(by_legs - by_base, moved))
 
 
 def rotation() -> Erratum:
@@ -69,15 +57,8 @@ def rotation() -> Erratum:
         displacements(geometry, trilaterate(geometry, matrix).translation_B, matrix)[: len(of_table_2), :3]
         for matrix in (R, transposed)
     )
-    return Erratum(
-        "(14)",
-        "the matrix is right, its name can be read the other way",
-        "R = Rz(yaw) Ry(pitch) Rx(roll) maps components in P to components in B",
-        "product of three elementary rotations; with the transposed matrix the coarse legs are up to "
-        f"{1e3 * np.abs(wrong - coarse).max():.0f} mm off at the four orientations of section 4.2",
-        relative_error(R, one_by_one),
-        relative_error(transposed, one_by_one),
-    )
+    off_mm = 1e3 * np.abs(wrong - coarse).max()
+    return make_erratum("(14)", relative_error(R, one_by_one), relative_error(transposed, one_by_one), off_mm=off_mm)
 
 
 def fine_displacement() -> Erratum:
@@ -87,14 +68,7 @@ def fine_displacement() -> Erratum:
     pose = forward_kinematics(geometry, geometry.nominal_lengths + d)
     found = displacements(geometry, pose.translation_B, pose.R)[:, 3:]
     printed = np.linalg.norm(leg_vectors(geometry, pose.translation_B, pose.R), axis=-1)[:, 3:]
-    return Erratum(
-        "(16), first line",
-        "d_fi = |l_fi|",
-        "d_fi = |l_fi| - l_f0",
-        "poses of the forward kinematics for known displacements within 1 mm",
-        relative_error(found, d[:, 3:]),
-        relative_error(printed, d[:, 3:]),
-    )
+    return make_erratum("(16), first line", relative_error(found, d[:, 3:]), relative_error(printed, d[:, 3:]))
 
 
 def algorithm_1() -> Erratum:
@@ -105,23 +79,17 @@ def algorithm_1() -> Erratum:
     bounds = [step_size_bound(geometry, t, R) for t, R in zip(pose.translation_B[some], pose.R[some], strict=True)]
     smallest, largest = (published_numbers()[f"fig7.{name}"].value for name in ("smallest_error", "error"))
     needed = _orientation_error(orientation, partial(descend, epsilon=EPSILON_AS_PUBLISHED))
-    return Erratum(
+    return make_erratum(
         "Algorithm 1",
-        f"no bound of mu; epsilon for example {EPSILON:g} m",
-        "mu < 2 / lambda_max(J J^T); epsilon by the precision wanted, or closed-form trilateration",
-        f"forward kinematics of the result at {len(orientation)} orientations on the limit of the workspace, closed "
-        f"form and epsilon = {EPSILON:g} m; {EPSILON_AS_PUBLISHED:g} m leaves {needed:.0e} deg, "
-        f"and Fig 7 shows {smallest:g} to {largest:g} deg. "
-        f"The bound of mu is {min(bounds):.2f} to {max(bounds):.2f}: at the nominal pose, "
-        f"each step with 0.95 of it multiplies the error by "
-        f"{_contraction(0.95):.2f}, with 1.05 of it by {_contraction(1.05):.2f}",
         _orientation_error(orientation, trilaterate),
         _orientation_error(orientation, partial(descend, epsilon=EPSILON)),
-        "deg",
-    )
+        epsilon=EPSILON, orientations=len(orientation), fine=EPSILON_AS_PUBLISHED, needed=needed, smallest=smallest,
+        largest=largest, lowest_bound=min(bounds), highest_bound=max(bounds), below=_contraction(0.95),
+        above=_contraction(1.05),
+    )  # fmt: skip
 
 
-ENTRIES = (second_vector, base_term, rotation, fine_displacement, algorithm_1)
+ENTRIES = (partial(make_erratum, "(5)"), base_term, rotation, fine_displacement, algorithm_1)
 
 
 def _orientation_error(orientation: Array, solver: Solver) -> float:
@@ -153,16 +121,6 @@ TURNED = np.radians([0.0, 0.0, 14.0])  # rad, of section 4.2: every coarse leg i
 ROD_RADIUS = 0.01  # m, chosen: a leg's axial inertia is not published
 
 
-def slips() -> Erratum:
-    """What does not change a result."""
-    return Erratum(
-        "(A4), (A8), (A10), (A13), (A14), (A16)",
-        "v_pf = t_p + ...; n~_cc; index r for c; mu_c twice; terms without transposition",
-        "v_pf = t_p' + ...; n~_c; index c; mu_c and eta_c; (q_p'^T q_b'^T)",
-        BY_READING,
-    )
-
-
 def spin_of_a_leg() -> Erratum:
     """(A6): B and C with the legs turning about their axes as the base does, and not at all."""
     d, p = case.dynamics(), case.parameters()
@@ -175,14 +133,7 @@ def spin_of_a_leg() -> Erratum:
     M[q_b, q_b][3:, 3:] += spin
     with_base, without = Nominal(replace(d, M=M)), case.nominal()
     errors = [relative_error(getattr(without, name)(case.S), getattr(with_base, name)(case.S)) for name in ("B", "C")]
-    return Erratum(
-        "(A6)",
-        "w_leg^T n_U = 0",
-        "(w_leg - w_b)^T n_U = 0",
-        "the joint's axis turns with the base: a rigid turn of everything turns the legs too. Error of B and C with "
-        f"solid cylinders of {1e3 * ROD_RADIUS:g} mm radius as legs; the identified set has no axial inertia",
-        error_printed=max(errors),
-    )
+    return make_erratum("(A6)", error_printed=max(errors), radius_mm=1e3 * ROD_RADIUS)
 
 
 def angular_velocity() -> Erratum:
@@ -210,14 +161,8 @@ def angular_velocity() -> Erratum:
         body = _one_body(legs[k], length).lower
         about_joint = body.radial_inertia + body.mass * body.com_distance**2
         printed += 0.5 * about_joint * (length**2 - 1.0) * turning[:, k]  # w_c without 1 / l_c
-    return Erratum(
-        "(A11), coarse legs",
-        "w_c = n~ (J_pc q_p' - J_bc q_b')",
-        "the same divided by l_c, as in the second line",
-        "kinetic energy of all legs from finite differences of the places of their parts, fine legs moving at random",
-        float(np.abs(right / energy - 1.0).max()),
-        float(np.abs(printed / energy - 1.0).max()),
-    )
+    off_right, off_printed = (float(np.abs(found / energy - 1.0).max()) for found in (right, printed))
+    return make_erratum("(A11), coarse legs", off_right, off_printed)
 
 
 def coarse_leg_as_one_body() -> Erratum:
@@ -241,17 +186,13 @@ def coarse_leg_as_one_body() -> Erratum:
         body = system(lengths)
         return max(relative_error(getattr(body, name)(s), getattr(parts, name)(s)) for name in ("G_P", "A", "C"))
 
-    return Erratum(
-        "(A17) to (A25)",
-        "right, with rho_c and mu_c as constants",
-        "rho_c and mu_c of the two parts at the current length of the leg",
-        "G_P, A and C from 1 to 20 Hz at (0, 0, 14) deg with two parts to each leg",
-        error(now[:3]),
-        error(manipulator.geometry.nominal_lengths[:3]),
-    )
+    return make_erratum("(A17) to (A25)", error(now[:3]), error(manipulator.geometry.nominal_lengths[:3]))
 
 
-LEG_ENTRIES = (slips, spin_of_a_leg, angular_velocity, coarse_leg_as_one_body)
+LEG_ENTRIES = (
+    partial(make_erratum, "(A4), (A8), (A10), (A13), (A14), (A16)"), spin_of_a_leg, angular_velocity,
+    coarse_leg_as_one_body,
+)  # fmt: skip
 
 
 def _legs() -> tuple[CoarseLeg, ...]:

@@ -7,7 +7,7 @@ room.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -30,32 +30,30 @@ SPREAD = 0.3  # standard deviation of the starting values, where 1 alone makes t
 POINTS = 1500  # of the frequency grid while fitting: variances within 5e-4
 
 
-def weights(p: Parameters, *, active: bool, points: int | None = None) -> Array:
-    """What turns a density into variances, (12, 6, 6), in the order of :data:`KEYS`; see :func:`.variance_weights`.
-
-    ``p``: the original support module (OSM).
-    """
-    loops = (loop_at(p, np.radians(orientation)) for orientation in ORIENTATIONS.values())
-    return np.concatenate([variance_weights(loop, p.bus, p.noise.band, active=active, points=points) for loop in loops])
-
-
-def rms(weights: Array, psd: Array) -> Array:
-    """RMS, (12,), rad, for weights (12, 6, 6) and a density (6, 6)."""
-    return np.asarray(np.sqrt(np.einsum("kij,ij->k", weights, psd)))
-
-
 @dataclass(frozen=True, eq=False)
 class Weights:
-    """See :func:`weights`; (12, 6, 6) each."""
+    """What turns a density into variances, (12, 6, 6) each, in the order of :data:`KEYS`.
+
+    See :func:`.variance_weights`.
+    """
 
     passive: Array
     active: Array
 
 
-def both_weights(p: Parameters) -> Weights:
-    """Weights good enough for the fit, for the original support module (OSM)."""
-    passive, active = (weights(p, active=active, points=POINTS) for active in (False, True))
+def compute_weights(p: Parameters, points: int | None = None) -> Weights:
+    """Weights of the original support module (OSM); ``points`` of the frequency grid, None: as for Table 2."""
+    loops = [loop_at(p, np.radians(orientation)) for orientation in ORIENTATIONS.values()]
+    passive, active = (
+        np.concatenate([variance_weights(loop, p.bus, p.noise.band, active=on, points=points) for loop in loops])
+        for on in (False, True)
+    )
     return Weights(passive, active)
+
+
+def rms(weights: Array, psd: Array) -> Array:
+    """RMS, (12,), rad, for weights (12, 6, 6) and a density (6, 6)."""
+    return np.asarray(np.sqrt(np.einsum("kij,ij->k", weights, psd)))
 
 
 def fit(given: Weights, seed: int) -> Array | None:
@@ -99,8 +97,3 @@ def identifiability(given: Weights, psd: Array) -> Identifiability:
     both = np.concatenate([given.passive, given.active])
     slope = (both * np.outer(size, size))[:, *LOWER] * times / (2.0 * rms(both, psd)[:, None])
     return Identifiability(slope / roundings(KEYS + ACTIVE_KEYS)[:, None])
-
-
-def with_psd(p: Parameters, psd: Array) -> Parameters:
-    """Parameters with another density."""
-    return replace(p, noise=replace(p.noise, wrench_psd_B=psd))

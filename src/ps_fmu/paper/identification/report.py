@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.spatial import ConvexHull
 
 from ...analyses.result import AnalysisResult, paint_pictures, tabulate
 from ...mechanism.parameters import Array, Geometry, Parameters, load
+from ...results.observers.scatter import convex_hull
 from ...results.style import ACTIVE, PASSIVE, REFERENCE
 from ...results.tables import Table
 from ...theory.loop import loop_at
@@ -199,7 +199,7 @@ def paint_candidates(figure: Figure, found: Identification) -> None:
         chosen = candidate is found.geometry
         label, colour, width = ("chosen geometry", "black", 2.5) if chosen else ("others", "#009E73", 1.2)
         for axes, pair in zip(planes, ([0, 1], [1, 2]), strict=True):
-            axes.plot(*_outline(points[:, pair]).T, color=colour, linewidth=width, label=label)
+            axes.fill(*convex_hull(points[:, pair]).T, fill=False, edgecolor=colour, linewidth=width, label=label)
     labels = dict(
         pair for axes in (plan, planes[0]) for pair in zip(*axes.get_legend_handles_labels()[::-1], strict=True)
     )
@@ -215,12 +215,6 @@ def _draw_plan(axes: Axes, joints: Geometry) -> None:
         style: dict[str, Any] = {"color": colour, "markersize": 9.0, "markerfacecolor": "white"}
         axes.plot(*platform[:, :2].T, "s", label=f"{name}, on the platform", **style)
     axes.set(xlabel="x of B (m)", ylabel="y of B (m)", aspect="equal", title="joints from above")
-
-
-def _outline(points: Array) -> Array:
-    """Convex outline of points in a plane, closed."""
-    corners = ConvexHull(points).vertices
-    return points[np.append(corners, corners[0])]
 
 
 def paint_loop(figure: Figure, found: Identification) -> None:

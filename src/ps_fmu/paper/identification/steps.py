@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from operator import attrgetter
 from pathlib import Path
@@ -81,11 +81,12 @@ def identify(path: Path, seed: int, starts: int, *, progress: bool = False) -> I
         )
     chosen, fitted = step.geometry, step.suspension
     origin = f"Written by ps-fmu identify --seed {seed} --starts {starts}."
-    write_parameters(path, noise.with_psd(_apply_fit(chosen, fitted), step.psd), origin)
+    p = _apply_fit(chosen, fitted)
+    write_parameters(path, replace(p, noise=replace(p.noise, wrench_psd_B=step.psd)), origin)
 
     original, lighter = load(path, "OSM"), load(path, "LSM")
     write_start_values(path.with_suffix(".ssv"), original)
-    psd = original.noise.wrench_psd_B
+    psd, weights = original.noise.wrench_psd_B, noise.compute_weights(original)
     return Identification(
         path=path,
         seed=seed,
@@ -102,8 +103,8 @@ def identify(path: Path, seed: int, starts: int, *, progress: bool = False) -> I
         lighter=lighter,
         table1=geometry.limits(original.manipulator.geometry),
         fig10=suspension.margins(lighter),
-        passive_rms=noise.rms(noise.weights(original, active=False), psd),
-        active_rms=noise.rms(noise.weights(original, active=True), psd),
+        passive_rms=noise.rms(weights.passive, psd),
+        active_rms=noise.rms(weights.active, psd),
         peaks={
             "fig10.OSM_peak": suspension.element(original).largest_gain_db,
             "fig10.LDLSM_peak": suspension.element(with_large_damping(lighter)).largest_gain_db,
@@ -116,7 +117,7 @@ def _fit_candidate(candidate: geometry.Candidate, seed: int) -> _Fit | None:
     fitted = suspension.fit(_load_with_joints("LSM", candidate))
     if fitted is None:
         return None
-    weights = noise.both_weights(_apply_fit(candidate, fitted))
+    weights = noise.compute_weights(_apply_fit(candidate, fitted), noise.POINTS)
     psd = noise.fit(weights, seed)
     return None if psd is None else _Fit(candidate, fitted, weights, psd)
 

@@ -144,15 +144,13 @@ def limit_findings(limits: PathResult) -> list[Finding]:
 
 def paragraphs(results: Sequence[PathResult], beyond: PathResult) -> list[str]:
     """What was done, and what follows."""
-    return [HOW, algorithm_1_text(results), _limits_text(beyond)]
-
-
-def _limits_text(beyond: PathResult) -> str:
-    refused = int(beyond.refused.sum())
-    return (
+    return [
+        HOW,
+        algorithm_1_text(results),
         "Table 1: the six orientations in which an angle is largest or smallest (analysis workspace) are commanded one "
-        f"after the other, and the plant turns there. Of six targets {BEYOND_DEG:g} deg beyond, {refused} are refused."
-    )
+        f"after the other, and the plant turns there. Of six targets {BEYOND_DEG:g} deg beyond, {beyond.refused.sum()} "
+        "are refused.",
+    ]
 
 
 def algorithm_1_text(results: Sequence[PathResult]) -> str:

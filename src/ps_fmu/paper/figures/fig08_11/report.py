@@ -173,21 +173,11 @@ def _row_farthest_below(curve: Array, other: Array) -> int:
 
 
 def paragraphs(measured: Agreements) -> list[str]:
-    """What was computed and measured, and what follows."""
+    """What follows; docs/paper.md says how it is computed and measured."""
     return [
-        "Closed form: singular values of the matrix from base motion (m, rad, counted alike) to payload rotation. "
-        "Theory is (38), with rigid legs and payload; the practical plant has truss modes and flexible coarse rods, "
-        "and with the isolator the filters of (55).",
         "The passive curve does not depend on the bus: in Fig 11 OSM and LSM are one curve, as are LDOSM and LDLSM. "
         "More damping in the fine legs takes away the resonance of the suspension, and changes little above it.",
-        "Measured: the four FMUs run at the usual communication step, shaken by a multisine along one axis at a time; "
-        "the matrix is found by least squares over all runs. This checks model, FMUs and master together. "
-        "There is no noise: only transients of bus and suspension lower the coherence. " + verdict(measured),
-        "Without the isolator both motions are outputs of the plant at the same instant: there is no delay between "
-        "them. With the isolator the communication step counts: it holds acceleration and force, and the plant's "
-        "acceleration at the end of a step is that of the forces held over it. The closed form has all three; a pure "
-        "delay of 1.5 steps is enough for the largest singular value, but not for the smallest one near the modes of "
-        "the bus.",
+        f"The FMUs, shaken, against the closed form. {verdict(measured)}",
     ]
 
 
@@ -250,26 +240,28 @@ SMALLEST = 1e-8  # of what is shown: below is rounding
 
 def paint_orientations(figure: Figure, found: Mapping[str, Curves]) -> None:
     """Fig 8: all three singular values, passive and active, and the theory (38)."""
-    panels = figure.subplots(2, 2, sharex=True, sharey=True)
-    for axes, (name, curves) in zip(panels.flat, found.items(), strict=True):
-        for values, colour, text in (
-            (curves.passive, PASSIVE, "passive"),
-            (curves.active, ACTIVE, "active"),
-            (curves.theory, "black", "passive, theory (38)"),
+    for axes, curves in zip(_make_panels(figure), found.values(), strict=True):
+        for values, colour, style, text in (
+            (curves.passive, PASSIVE, "-", "passive"),
+            (curves.active, ACTIVE, "-", "active"),
+            (curves.theory, "black", ":", "passive, theory (38)"),
         ):
-            style = ":" if colour == "black" else "-"
-            for i, width in enumerate((1.8, 1.1, 1.1)):
-                axes.semilogx(
-                    curves.frequency, values[:, i], style, color=colour, linewidth=width,
-                    label=text if i == 0 else None,
-                )  # fmt: skip
-        axes.set(title=f"{format_angles(ORIENTATIONS[name])} deg", ylim=(-90.0, 50.0))
+            axes.semilogx(curves.frequency, values[:, 0], style, color=colour, linewidth=1.8, label=text)
+            axes.semilogx(curves.frequency, values[:, 1:], style, color=colour, linewidth=1.1)
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    figure.suptitle("Base motion to payload rotation")
+
+
+def _make_panels(figure: Figure) -> list[Axes]:
+    """Axes for singular values over frequency, one for each orientation, two by two."""
+    panels = figure.subplots(2, 2, sharex=True, sharey=True)
+    for axes, rpy_deg in zip(panels.flat, ORIENTATIONS.values(), strict=True):
+        axes.set(title=f"{format_angles(rpy_deg)} deg", ylim=(-90.0, 50.0))
     for axes in panels[:, 0]:
         axes.set_ylabel("singular values (dB)")
     for axes in panels[1]:
         axes.set_xlabel("frequency (Hz)")
-    figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
-    figure.suptitle("Base motion to payload rotation")
+    return list(panels.flat)
 
 
 def paint_cases(figure: Figure, found: Mapping[str, Curves], measured: Agreements) -> None:
@@ -296,24 +288,19 @@ def paint_cases(figure: Figure, found: Mapping[str, Curves], measured: Agreement
 
 def paint_measured(figure: Figure, measured: Agreements) -> None:
     """Fig 8 from the running FMUs: all three singular values, passive and active, on those in closed form."""
-    panels = figure.subplots(2, 2, sharex=True, sharey=True)
-    for axes, name in zip(panels.flat, ORIENTATIONS, strict=True):
+    panels = _make_panels(figure)
+    for axes, name in zip(panels, ORIENTATIONS, strict=True):
         for active, colour in ((False, PASSIVE), (True, ACTIVE)):
             setup = Setup(name, active=active)
             agreement = measured[setup]
             f = agreement.response.frequency
-            values = singular_values_db(agreement.response.matrix)
-            label = f"{setup.mode}, measured"
-            axes.semilogx(f, values[:, 0], ".", color=colour, markersize=6.0, label=label)
+            values = _measured_db(agreement)
+            axes.semilogx(f, values[:, 0], ".", color=colour, markersize=6.0, label=f"{setup.mode}, measured")
             axes.semilogx(f, values[:, 1:], ".", color=colour, markersize=6.0)
             axes.semilogx(f, singular_values_db(agreement.reference), color="black", linewidth=0.9)
         axes.plot([], [], color="black", linewidth=0.9, label="closed form")
-        axes.set(title=f"{format_angles(ORIENTATIONS[name])} deg", ylim=(-90.0, 50.0))
-    _label_band(panels[-1])
-    for axes in panels[:, 0]:
-        axes.set_ylabel("singular values (dB)")
-    handles = panels[0, 0].get_legend_handles_labels()
-    figure.legend(*handles, loc="outside lower center", ncols=3, markerscale=2.0)
+    _label_band(panels[2:])
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=3, markerscale=2.0)
     figure.suptitle("Base motion to payload rotation, measured on the running FMUs")
 
 

@@ -177,7 +177,7 @@ def _describe_peak(v: LoopVerdict) -> str:
 def paragraphs(
     verdicts: Mapping[str, LoopVerdict], opened: Mapping[str, OpenLoop], responses: Sequence[PulseResponse]
 ) -> list[str]:
-    """What was computed and measured, and what follows."""
+    """What follows; docs/paper.md says how the open loop is measured."""
     lsm = verdicts["LSM"]
     others = ", ".join(case for case, v in verdicts.items() if case != "LSM" and np.isinf(v.delay_limit))
     deviation = [max(loop.deviation[k] for loop in opened.values()) for k in (0, 1)]
@@ -194,14 +194,9 @@ def paragraphs(
         f"The other verdicts, and the trend, survive: {others} are stable with any delay. A lighter bus brings the "
         "loop closer to instability, more damping in the fine legs takes it away again. Of LDOSM the paper states no "
         "number.",
-        f"The largest gain of element (1, 1) is stated twice: around the suspension, {_band_text(BAND)}, and over "
-        f"{_band_text(WIDE)}. With large damping the second is larger, at a mode of the coarse rods.",
         _small_gain_text(verdicts),
-        "Open loop on the running FMUs: the disturbance shakes the base of one plant FMU, the isolator FMU gets "
-        "only the first component of its acceleration, and its forces act on a second plant FMU; L11 is the "
-        "acceleration of the second base over that of the first. The communication step is in it: a delay of one step "
-        "near the resonance, of 1.5 steps well above. Against the closed form with the step it is within "
-        f"{deviation[0]:.3f} dB and {deviation[1]:.2f} deg at the {checked} of {lines} lines with enough coherence.",
+        "The open loop of the running FMUs, L11, differs from the closed form with the communication step by at most "
+        f"{deviation[0]:.3f} dB and {deviation[1]:.2f} deg, at the {checked} of {lines} lines with enough coherence.",
         f"Time response on the running FMUs (scenario stability). {HOW}",
         *verdict(responses),
     ]

@@ -38,7 +38,7 @@ from ....scenarios.shaking import Shaking, measure_response
 from ....theory.loop import Loop, Margins, loop_at, loop_of, margins
 from ....theory.sampled import loop_sampled
 from ....theory.transfer_matrices import Complex
-from ...agreement import coherent_lines
+from ...agreement import Agreement
 from ...bus_cases import CASES, SUSPENSION, case_start_values, load_case
 from ...cosimulation import SampleRecord
 from ...published import published_numbers
@@ -206,11 +206,8 @@ def _respond(system: RunSystem, options: RunOptions, case: str, delay_s: float, 
 
 
 @dataclass(frozen=True, eq=False)
-class OpenLoop:
-    """L11 of one case as measured."""
-
-    response: Response  # (n, 1, 1)
-    reference: NDArray[np.complex128]  # (n,), closed form with the communication step
+class OpenLoop(Agreement):
+    """L11 of one case as measured, (n, 1, 1), beside its closed form with the communication step."""
 
     @cached_property
     def values(self) -> NDArray[np.complex128]:
@@ -240,17 +237,10 @@ class OpenLoop:
         """Least ratio of the gain to that of another case, dB, at the lines."""
         return float(20.0 * np.log10(np.abs(self.values / below.values)).min())
 
-    @cached_property
+    @property
     def deviation(self) -> tuple[float, float]:
         """Largest deviation from the closed form, dB and deg, at the lines with coherence."""
-        ratio = (self.values / self.reference)[self.checked]
-        return float(20.0 * np.abs(np.log10(np.abs(ratio))).max()), float(np.abs(np.degrees(np.angle(ratio))).max())
-
-    @cached_property
-    def checked(self) -> NDArray[np.bool_]:
-        """(n,): lines with enough coherence.  Raises ValueError if there is none."""
-        f = self.response.frequency
-        return coherent_lines(self.response, (f[0], f[-1]))
+        return float(self.largest_db[0]), float(self.largest_deg[0])
 
     @property
     def entry(self) -> dict[str, object]:
@@ -258,7 +248,7 @@ class OpenLoop:
         return {
             "lines": len(self.values),
             "lines_checked": int(self.checked.sum()),
-            "lowest_coherence": float(self.response.coherence.min()),
+            "lowest_coherence": self.lowest_coherence,
             "largest_deviation_db": self.deviation[0],
             "largest_deviation_deg": self.deviation[1],
             "largest_gain_db": self.margins.largest_gain_db,
@@ -278,8 +268,8 @@ def measure_open_loops(options: AnalysisOptions, delay_s: float, shaking: Shakin
             values = case_start_values(case)
             response = measure_open_loop(system, values, delay_s, shaking, options.seed, bar.update)
             loop = loop_at(load_case(case), delay=delay_s)
-            reference = loop_sampled(loop, 2j * np.pi * shaking.lines, shaking.step)[:, 0, 0]
-            found[case] = OpenLoop(response, reference)
+            reference = loop_sampled(loop, 2j * np.pi * shaking.lines, shaking.step)[:, :1, :1]
+            found[case] = OpenLoop(response, reference, (shaking.lines[0], shaking.lines[-1]))
     return found
 
 

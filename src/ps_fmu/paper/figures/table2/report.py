@@ -343,7 +343,7 @@ def _share_table(densities: list[tuple[Array, Array]]) -> Table:
 
 
 def paragraphs(results: Mapping[str, OrientationResult], densities: list[tuple[Array, Array]]) -> list[str]:
-    """What was computed and measured, and what follows."""
+    """What follows; docs/paper.md says how it is computed."""
     worst = [float(np.abs(runs.deviation_percent(r)).max(axis=1)[k]) for k in (0, 1) for r in results.values()]
     half = len(results)
     fitted = [r.fitted_delay for r in results.values()]
@@ -354,13 +354,8 @@ def paragraphs(results: Mapping[str, OrientationResult], densities: list[tuple[A
     means = max(float(np.abs(r.measured.active.statistics.mean).max()) for r in results.values())
     farthest = list(results.values())[int(np.abs(others).max(axis=1).argmax())].name
     return [
-        "Closed form: covariance of the payload's rotation, integral of G S G^H over the band of the disturbance, with "
-        "G from the wrench on the bus to the rotation by the equations of the practical plant and the controller (55).",
-        "Co-simulated: the four FMUs with a deterministic multisine, as in the scenario table2. Its inputs are "
-        "uncorrelated as far as they move the bus as a free body; near the 5 Hz resonance of the fine legs, from "
-        "which the active RMS comes, some correlation is left. So there is also a closed form for the lines of this "
-        f"disturbance. From it the runs differ by {max(worst[:half]):.2f} % at most passive, {max(worst[half:]):.2f} % "
-        "active.",
+        "From the closed form for the spectral lines of their disturbance the runs differ by at most "
+        f"{max(worst[:half]):.2f} % passive, {max(worst[half:]):.2f} % active.",
         f"The RMS of the runs is about their mean. With the isolator the mean is up to {1e9 * means:.0f} nrad: its "
         "high-pass starts at rest, and what that leaves dies away in tens of minutes.",
         f"The closed form for comparison has a delay of {LOOP_DELAY:g} communication steps in the loop: the exchange "

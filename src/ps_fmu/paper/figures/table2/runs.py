@@ -255,11 +255,6 @@ def rejection(name: str, knows_the_payload: bool = False) -> Array:
     return rejection_percent(passive.rms, active.rms)
 
 
-def com_error_P(p: Parameters) -> Array:
-    """Centre of mass of the payload as the isolator knows it less the true one, (3,), m, axes of P."""
-    return np.asarray(p.known_com_P - p.payload.com_P)
-
-
 def published_value(name: str, what: str) -> Array:
     """Values of Table 2 at an orientation, (3,): ``passive`` or ``active`` RMS (rad), or ``rejection`` (%)."""
     return np.array([published_numbers()[f"table2.{name}_{what}_{axis}"].value for axis in (1, 2, 3)])
@@ -285,7 +280,7 @@ def second_axis_text(measured: Mapping[str, Array]) -> str:
 def knowledge_text() -> str:
     """A paragraph: the isolator's error in the payload's centre of mass, and what it costs."""
     p = load()
-    error = 1e3 * com_error_P(p)
+    error = 1e3 * (p.known_com_P - p.payload.com_P)  # mm, axes of P
     cost, perfect = (", ".join(f"{value:.2f}" for value in rejection("nominal", knows)) for knows in (False, True))
     return (
         "The isolator knows the payload's centre of mass with an error, which was identified from Table 2: "
