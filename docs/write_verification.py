@@ -42,13 +42,13 @@ SECTIONS = {
 }
 HEAD = """# Verification
 
-What the product says, and how it is known to be true. Each row is a statement or a number that terminal, report, study
-page or `summary.json` can contain; the truth that it is held against; the largest error allowed, and the error found.
-What is off on the safe side only counts as no error. An error below a thousandth of its bound is given as such.
+How is each statement of the program known to be true? A row has a statement or a number that terminal, report, study
+page or `summary.json` can contain, the independent truth with which a test compares it, the largest error that the test
+allows, and the error that it found. An error on the safe side counts as none.
 
-The tests make this page: `make verify` runs them and writes what they found. `make test` fails if a claim, its
-reference, its bound or its test is not what the tests have. One row alone: `.venv/bin/python -m pytest TEST`, with the
-last column for TEST.
+The tests make this page: `make verify` runs them and writes what they found. `make test` fails if a claim, reference,
+bound or test of this page differs from those of the tests. `.venv/bin/python -m pytest TEST`, with TEST from the last
+column, tests a row.
 """
 
 

@@ -2,8 +2,8 @@
 The FMUs in a C program
 =======================
 
-A simulator written in C loads an FMU as a shared library. It needs nothing of Python but an
-interpreter on the machine, which the FMU finds by itself. This tutorial writes such a program,
+A simulator written in C loads an FMU as a shared library. The program contains no Python. The
+machine needs a Python with numpy, which the FMU finds by itself. This tutorial writes such a program,
 compiles and runs it, and compares with FMPy.
 """
 

@@ -76,7 +76,7 @@ def parser() -> argparse.ArgumentParser:
     top.add_argument(
         "--print-completion", action=_PrintCompletion, choices=("bash", "zsh"), metavar="SHELL",
         default=argparse.SUPPRESS,
-        help="print what has bash or zsh complete names and options, see docs/first-run.md",
+        help="print the script by which bash or zsh completes names and options, see docs/first-run.md",
     )  # fmt: skip
     commands: argparse._SubParsersAction[Any] = top.add_subparsers(
         title="commands", required=True, metavar="COMMAND", parser_class=LazyParser

@@ -3,7 +3,7 @@
 A gyroscope on the payload measures the rotation. The loop integrates it twice and turns the payload back with the voice
 coils; the rate of each leg damps the resonance of the suspension:
 
-    w     = 2 pi crossover * (integral of rotation + 2 pi corner * double integral of rotation)
+    w     = 2 pi crossover * (integral + 2 pi integral_frequency * double integral of the rotation)
     force = -stiffness * ELONGATION * w - damping * rate of the leg
 """
 
@@ -18,7 +18,7 @@ ELONGATION = np.array([[-0.0808, -0.1971, -0.0707], [0.2111, 0.0286, -0.0707], [
 class Isolator(Slave):
     model_description = "A loop on the rotation of the payload, and damping of the fine legs"
 
-    # Names decide: an input gets the signal of its name, see `ps-fmu list isolation 'plant.*'`.  All units are SI.
+    # An input gets the signal of its name, see `ps-fmu list isolation 'plant.*'`.  All units are SI.
     ports = (
         *vector("payload_rotation", "xyz", "rad", "Rotation of the payload, in P", causality="input"),
         *numbered("fine_velocity", 3, "m/s", "Rate of elongation of a fine leg", causality="input"),
@@ -26,7 +26,7 @@ class Isolator(Slave):
         Port("enabled", "input", type="Boolean", start=True, description="False: no force"),
         *numbered("fine_force", 3, "N", "Force of a voice coil, positive extends the leg", causality="output"),
         Port("crossover", "parameter", "Hz", "Above it the loop does little", start=1.0, min=0.01, max=3.0),
-        Port("corner", "parameter", "Hz", "Below it the loop integrates twice", start=0.2, min=0.0),
+        Port("integral_frequency", "parameter", "Hz", "Below it the loop integrates twice", start=0.2, min=0.0),
         Port("stiffness", "parameter", "N/m", "Stiffness of a fine leg", start=32051.8, min=0.0),
         Port("damping", "parameter", "N.s/m", "Damping that is added to a leg", start=900.0, min=0.0),
     )
@@ -43,7 +43,7 @@ class Isolator(Slave):
         once[:, rotation] = twice[:, integral] = h * np.eye(3)
         gain = -self.value("stiffness") * ELONGATION * 2 * np.pi * self.value("crossover")
         force[:, integral] = gain
-        force[:, double] = gain * 2 * np.pi * self.value("corner")
+        force[:, double] = gain * 2 * np.pi * self.value("integral_frequency")
         force[:, rate] = -self.value("damping") * np.eye(3)
         return matrix
 

@@ -413,7 +413,7 @@ def test_noise_has_the_spectrum_of_the_file(spectrum_file, multisine):
     fine = np.geomspace(0.5, 100.0, 100_001)
     whole = 4.0 * np.trapezoid(read_rows(spectrum_file, fine), fine, axis=0)
     verify_claim(
-        "noise.spectrum",
+        "noise.spectrum_of_a_file",
         claim="Noise with the spectrum of a file",
         where="`disturbance.noise.spectrum`",
         reference="mean square of 800 s against the integral of the densities",

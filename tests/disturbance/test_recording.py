@@ -120,7 +120,7 @@ def test_no_drift_without_trend(tones, repeat, overlap):
         middle = np.arange(5000, 15_000) * 1e-3
         np.testing.assert_allclose(steady(middle), as_is(middle), atol=0.01)  # a constant is taken away
     verify_claim(
-        "recording.detrend",
+        "noise.recording_detrend",
         claim="A recording with `detrend` moves a free body, but leaves no drift",
         where="`disturbance.recording.detrend`",
         reference="motion of a free body over 30 s, or 90 s with repetitions, over that with drift at the end",

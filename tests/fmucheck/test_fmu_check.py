@@ -221,7 +221,7 @@ def test_a_model_identifier_that_leads_elsewhere_is_not_loaded(identifier, toys,
     monkeypatch.setattr(fmu_check, "live_in_fmpy", None)
     old, new = b'modelIdentifier="Plain"', f'modelIdentifier="{identifier}"'.encode()
     found = rows(rewritten(toys["plain"], tmp_path / "A.fmu", lambda n, c: c.replace(old, new)))
-    for check in ("life in FMPy", "life in a C host"):
+    for check in ("test run in FMPy", "test run in a C host"):
         assert found[check].verdict == NOT_RUN
         assert "is not a C identifier" in found[check].details[0]
 
@@ -230,18 +230,18 @@ def test_a_model_identifier_that_leads_elsewhere_is_not_loaded(identifier, toys,
     ("change", "check", "reason"),
     [
         (lambda n, c: None if n.startswith("binaries") else c, "archive", "neither a library"),
-        (lambda n, c: None if n.startswith("binaries/linux64") else c, "life in FMPy", "no library for"),
-        (lambda n, c: c.replace(b'fmiVersion="2.0"', b'fmiVersion="3.0"'), "life in FMPy", "FMI 3.0 is not run here"),
-        (lambda n, c: c.replace(b"CoSimulation", b"ModelExchange"), "life in FMPy", "for model exchange"),
+        (lambda n, c: None if n.startswith("binaries/linux64") else c, "test run in FMPy", "no library for"),
+        (lambda n, c: c.replace(b'fmiVersion="2.0"', b'fmiVersion="3.0"'), "test run in FMPy", "FMI 3.0 is not"),
+        (lambda n, c: c.replace(b"CoSimulation", b"ModelExchange"), "test run in FMPy", "for model exchange"),
         (lambda n, c: b"" if n.endswith(".so") else c, "FMPy: load", ""),
     ],
 )
 def test_what_cannot_be_run_says_why(change, check, reason, toys, tmp_path, rows):
     found = rows(rewritten(toys["plain"], tmp_path / "changed.fmu", change))
-    assert found[check].verdict == (NOT_RUN if check == "life in FMPy" else FAILED)
+    assert found[check].verdict == (NOT_RUN if check == "test run in FMPy" else FAILED)
     assert reason in found[check].details[0]
-    if check == "life in FMPy":
-        assert found["life in a C host"] == CheckResult("life in a C host", NOT_RUN, found[check].details)
+    if check == "test run in FMPy":
+        assert found["test run in a C host"] == CheckResult("test run in a C host", NOT_RUN, found[check].details)
 
 
 def test_the_table_counts_and_shortens():

@@ -178,15 +178,15 @@ def test_the_host_has_path_and_home_and_nothing_else(tank, monkeypatch):
 def test_where_no_host_was_compiled_for(tank, monkeypatch):
     monkeypatch.setattr(platform, "machine", lambda: "riscv64")
     rows = {row.check: row for row in check_fmu(tank("{right}"))}
-    assert rows["life in a C host"].verdict == NOT_RUN
-    assert rows["life in a C host"].details == ("the host was not compiled for linux on riscv64",)
+    assert rows["test run in a C host"].verdict == NOT_RUN
+    assert rows["test run in a C host"].details == ("the host was not compiled for linux on riscv64",)
     assert rows["FMPy: end of the process"].verdict == OK
 
 
 def test_a_host_that_cannot_be_started(tank, monkeypatch, tmp_path):
     (tmp_path / "host").write_bytes(b"\x7fELF for another machine")
     monkeypatch.setattr(fmu_check, "find_compiled", lambda name: tmp_path / name)
-    row = next(row for row in check_fmu(tank("{right}")) if row.check == "life in a C host")
+    row = next(row for row in check_fmu(tank("{right}")) if row.check == "test run in a C host")
     assert row.verdict == NOT_RUN
     assert row.details[0].startswith("the host cannot be started: ")
 

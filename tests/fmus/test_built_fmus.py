@@ -388,9 +388,9 @@ def folder(built_fmus: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.mark.parametrize("tool", ["Our own master", *IMPORTERS])
+@pytest.mark.parametrize("tool", ["The master of ps_fmu", *IMPORTERS])
 def test_the_recipe_runs(tool, folder):
-    interpreter = interpreter_with("FMPy" if tool == "Our own master" else tool)
+    interpreter = interpreter_with("FMPy" if tool == "The master of ps_fmu" else tool)
     before = "from ecos_library import load_tbb\nload_tbb()\n" if tool == "Ecos" else ""
     command = [str(interpreter), "-c", before + recipe(tool)]
     environment = os.environ | {"PYTHONPATH": str(HOSTS)}

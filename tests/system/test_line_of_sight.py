@@ -25,6 +25,7 @@ from ps_fmu.scenarios.pointing_loop import build_loop, make_shaking, measure_loo
 from ps_fmu.theory.line_of_sight import find_margins, keeps_margins
 from ps_fmu.theory.loop import plant_system
 from ps_fmu.theory.stability import find_common_margins, refine_pole
+from ps_fmu.trades.stability import find_margins as find_loop_margins
 
 LINE_OF_SIGHT = Path(__file__).parents[2] / "system" / "LineOfSight.ssd"
 H = 1e-3  # s
@@ -126,6 +127,15 @@ def test_the_loop_cut_open_is_the_closed_form(options):
     assert decibels < 0.2
     assert degrees < 1.0
     assert found.margins.crossover_hz == pytest.approx(expected.crossover_hz, rel=1e-3)
+
+
+def test_margins_of_steps_are_those_in_continuous_time(options):
+    """What ``analyse stability`` and ``run pointing`` state of one loop, by two linear models."""
+    system = load_system(options(1.0, H), QUIET)
+    stepped = find_loop_margins(Circuit(read_model(system.structure, H), True), POINTING).axes
+    for found, expected in zip(stepped, find_margins(build_loop(system, np.zeros(3), H)), strict=True):
+        assert found.gain_db == pytest.approx(expected.gain_db, abs=0.1)
+        assert found.phase_deg == pytest.approx(expected.phase_deg, abs=0.1)
 
 
 def find_free_pole(system, values, frequency_hz):

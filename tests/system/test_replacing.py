@@ -68,6 +68,19 @@ def test_the_template_of_an_isolator_isolates_by_the_law_that_it_states(isolator
     assert not np.asarray(result.passive["fine_force"]).any()
 
 
+def test_the_comparison_has_the_unit_of_the_requirements(isolator, tmp_path):
+    asked = tmp_path / "asked.toml"
+    asked.write_text(
+        '[[requirement]]\nname = "a"\nsignal = "plant.payload_rotation.x"\nindex = "APE"\nstatistic = "peak"\n'
+        'limit = "1 urad"\n'
+    )
+    result = run(isolator, requirements=asked)
+    mine, theirs = re.search(r"original RMS \(urad\).*\n-+\nx +(\S+) +(\S+)", str(result)).groups()
+    assert float(mine) == pytest.approx(1e6 * result.summary["rms_active_rad"][0], rel=1e-3)
+    rotation = np.asarray(result["original"]["payload_rotation"].sel(axis="x"))
+    assert float(theirs) == pytest.approx(1e6 * np.sqrt(np.mean(rotation**2)), rel=0.02)
+
+
 @pytest.mark.parametrize("kind", ["sensor", "controller", "disturbance"])
 def test_the_other_templates_run(templates, kind, capsys):
     fmu, system = templates[kind]

@@ -46,7 +46,7 @@ class LoopDesign(Checked):
     integral_frequency: float = quantity(
         "Hz", "Frequency w_i below which the loop integrates twice; 0 = one integrator only", at_least=0.0
     )
-    rolloff_frequency: float = quantity("Hz", "Corner frequency w_r of the second-order roll-off", above=0.0)
+    rolloff_frequency: float = quantity("Hz", "Frequency w_r of the second-order roll-off", above=0.0)
     rolloff_damping_ratio: float = quantity("1", "Damping ratio z of the roll-off", above=0.0)
 
     def response(self, s: ArrayLike) -> Complex:

@@ -1,4 +1,4 @@
-"""All checks of one FMU file: archive, model description, other checkers, its life in two hosts."""
+"""All checks of one FMU file: archive, model description, other checkers, test runs in two hosts."""
 
 from __future__ import annotations
 
@@ -62,8 +62,8 @@ def check_fmu(path: Path, run: bool = True) -> Iterator[CheckResult]:
     yield _run_fmutool(path, version)
     reason = _find_obstacle(path, description, version) if run else "--no-run: the FMU is not loaded"
     if reason is not None:
-        yield CheckResult("life in FMPy", NOT_RUN, (reason,))
-        yield CheckResult("life in a C host", NOT_RUN, (reason,))
+        yield CheckResult("test run in FMPy", NOT_RUN, (reason,))
+        yield CheckResult("test run in a C host", NOT_RUN, (reason,))
         return
     yield from _list_stages("FMPy", live_in_fmpy(path, "whole"))
     yield from _live_in_c_host(path, members, description)
@@ -100,12 +100,12 @@ def _find_obstacle(path: Path, description: Description, version: str) -> str | 
 
 
 def _live_in_c_host(path: Path, members: Sequence[str], description: Description) -> Iterator[CheckResult]:
-    """The life in the C host.  Where an FMU of ours finds no Python, it gets one named and lives once more."""
+    """The test run in the C host, repeated with a named Python if an FMU of ps_fmu finds none."""
     try:
         host = find_c_host()
         if host is None:
             reason = f"the host was not compiled for {find_platform()}"
-            yield CheckResult("life in a C host", NOT_RUN, (reason,))
+            yield CheckResult("test run in a C host", NOT_RUN, (reason,))
             return
         results = live_in_c_host(host, path, description)
         stage, problem = results[-1]
@@ -115,7 +115,7 @@ def _live_in_c_host(path: Path, members: Sequence[str], description: Description
             yield CheckResult("C host, nothing set", NOT_RUN, (note, *problem.splitlines()))
             results = live_in_c_host(host, path, description, **{PYTHON_VARIABLE: python})
     except (OSError, SystemFileError) as error:
-        yield CheckResult("life in a C host", NOT_RUN, (f"the host cannot be started: {error}",))
+        yield CheckResult("test run in a C host", NOT_RUN, (f"the host cannot be started: {error}",))
         return
     yield from _list_stages("C host", results)
 
@@ -158,7 +158,7 @@ def _run_checker(name: str, *arguments: str) -> CheckResult:
     return CheckResult(name, FAILED if errors else OK, tuple(errors))
 
 
-# --- The life in a host written in C, whose environment is PATH and HOME ----------------------------------------------
+# --- The test run in a host written in C, whose environment is PATH and HOME ------------------------------------------
 #
 # It and FMPy each find faults that the other cannot.  The C host finds FMUs that rely on libraries of a Python host,
 # change settings of the host, cannot be unloaded, have other start values than the model description states, or cannot
@@ -180,13 +180,13 @@ def find_c_host() -> Path | None:
 
 
 def live_in_c_host(host: Path, fmu: Path, description: Description, **environment: str) -> list[StageResult]:
-    """The stages of the life in the C host, see ``native/host/host.c``; it ends at the first that no other can follow.
+    """The stages of the run in the C host, see ``native/host/host.c``; it ends at the first that no other can follow.
 
     ``environment``: variables besides PATH and HOME.  Raises OSError if the host cannot be started, SystemFileError if
     the FMU cannot be unpacked.
     """
     kept = {name: os.environ[name] for name in ("PATH", "HOME") if name in os.environ}
-    with tempfile.TemporaryDirectory(prefix="fmu_life_") as temporary:
+    with tempfile.TemporaryDirectory(prefix="fmu_test_run_") as temporary:
         folder = Path(temporary)
         extract(fmu, folder / "fmu")
         task, report, program = folder / "task", folder / "report", folder / "host"

@@ -122,7 +122,7 @@ def write_start_values(
         f"{output}  {len(values)} values: {listed}",
         *([] if picture is None else [f"{picture}"]),
         *_describe(instrument),
-        *([f"left as they are, since [start] says nothing of them: {', '.join(untold)}"] if untold else []),
+        *([f"not in [start], so they keep their own start values: {', '.join(untold)}"] if untold else []),
     ]
 
 

@@ -81,11 +81,13 @@ def find(run: Run) -> Findings:
 
 def _tabulate_original(found: Comparison, original: JitterRecord, run: Run) -> Table:
     """The active case beside that with the components of the system in place of one's own."""
-    ratio = found.rms_active / original.statistics.rms
+    both = found.rms_active, original.statistics.rms
+    unit, factor = run.system.judge.choose_unit("rad")
+    form = ".3e" if factor == 1.0 else ".4g"
     rows = [
-        (axis, f"{mine:.3e}", f"{theirs:.3e}", f"{one:.3g}")
-        for axis, mine, theirs, one in zip(AXES, found.rms_active, original.statistics.rms, ratio, strict=True)
+        (axis, f"{factor * mine:{form}}", f"{factor * theirs:{form}}", f"{mine / theirs:.3g}")
+        for axis, mine, theirs in zip(AXES, *both, strict=True)
     ]
     mine = ", ".join(path.name for path in run.options.replace.values())
-    header = ("axis", "active RMS (rad)", "original RMS (rad)", "active / original")
+    header = ("axis", f"active RMS ({unit})", f"original RMS ({unit})", "active / original")
     return Table(f"Active: with {mine}; original: with the components of the system in their places", header, rows)

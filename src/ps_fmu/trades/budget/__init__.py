@@ -1,1 +1,1 @@
-"""Who eats the pointing error: each source's, band's and resonance's share of the indices that requirements ask for."""
+"""Where the pointing error comes from: share of each source, band and resonance in the indices of requirements."""

@@ -67,7 +67,7 @@ def analyse(options: AnalysisOptions, points: int = POINTS) -> AnalysisResult:
             bar.update()
     return AnalysisResult(
         name="budget",
-        title="Who eats the pointing error?",
+        title="Where does the pointing error come from?",
         text=[
             *_explain(factors, entries),
             *(f"{name}: {text}" for name, text in (*_list_sentences(entries), *_list_reserves(entries))),
