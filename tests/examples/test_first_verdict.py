@@ -38,6 +38,6 @@ def test_a_run_that_fails_is_no_verdict(built_fmus, tmp_path):
 
 def test_the_readme_names_what_is_there():
     text = (FOLDER / "README.md").read_text()
-    named = re.findall(r"\]\(([^)]+)\)", text) + re.findall(r"examples/first_verdict/[\w.]+", text)
+    named = re.findall(r"\]\(([^)#]+)", text) + re.findall(r"examples/first_verdict/[\w.]+", text)
     assert len(named) > 5
     assert [name for name in named if not (FOLDER / name).exists() and not (ROOT / name).exists()] == []
