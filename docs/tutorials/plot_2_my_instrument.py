@@ -17,6 +17,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import textwrap
 from pathlib import Path
 
 FOLDER = Path(tempfile.mkdtemp())
@@ -36,7 +37,8 @@ def run(command, lines=None):
     done = subprocess.run([path, *words], cwd=FOLDER, capture_output=True, text=True, env=narrow)
     printed = (done.stdout or done.stderr).replace(f"{FOLDER}/", "").splitlines()
     rest = ["..."] if printed[lines or len(printed) :] else []
-    print("\n".join([f"$ {command}", *printed[:lines], *rest]))
+    typed = " \\\n    ".join(textwrap.wrap(f"$ {command}", 72, break_on_hyphens=False))
+    print("\n".join([typed, *printed[:lines], *rest]))
 
 
 # %%
