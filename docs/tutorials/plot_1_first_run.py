@@ -93,4 +93,5 @@ axes.legend()
 # ``ps-fmu run isolation --duration 8 --output my-run``. ``report.html`` in it opens without a
 # network: zoom, read off a line, turn the mechanism and play the run.
 
-print(result.report().name, "has", round(result.report().stat().st_size / 1e6, 1), "MB")
+path = result.report()
+print(f"{path.name}: {path.stat().st_size / 1e6:.1f} MB")

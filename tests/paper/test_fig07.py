@@ -129,11 +129,6 @@ def test_quadrilaterals_are_closed_within_reach_and_go_to_the_edge(plane):
     assert np.abs(corners).max(axis=0)[list(PLANES[plane])].min() > np.radians(4.0)
 
 
-def test_a_quadrilateral_has_corners():
-    with pytest.raises(ValueError, match="five points or more, got 4"):
-        quadrilateral(GEOMETRY, "roll-pitch", 4)
-
-
 def test_random_walk_stays_within_reach_and_depends_on_the_seed_alone():
     path = random_walk(GEOMETRY, 60, seed=3)
     assert reachable(GEOMETRY, inverse_kinematics(GEOMETRY, path)).all()

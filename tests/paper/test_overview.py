@@ -36,14 +36,16 @@ def test_a_number_without_a_value_is_neither_right_nor_wrong():
 
 
 def test_what_is_written(tmp_path, capsys, monkeypatch):
-    """With the errata of one entry, and without the other analyses: these have their own tests."""
+    """With the errata of one entry, and with one analysis: the others have their own tests."""
     erratum = Erratum("(1)", "wrong", "right", "computed", 1e-12, 0.5)
-    monkeypatch.setattr(overview, "FIGURES", ())
+    monkeypatch.setattr(overview, "FIGURES", ("workspace",))
     monkeypatch.setattr("ps_fmu.paper.errata.ENTRIES", (lambda: erratum,))
     assert main(["analyse", "paper", "--output", str(tmp_path), "--system", str(SYSTEM)]) == 0
     content = json.loads((tmp_path / "paper.json").read_text())
     assert [finding["key"] for finding in content["findings"]] == list(published_numbers())
-    assert "table1.roll_max" in content["not_computed"] and "text.OSM_mass" not in content["not_computed"]
+    computed = {"table1.roll_max", "text.OSM_mass"}
+    assert "fig8.start" in content["not_computed"] and not computed.intersection(content["not_computed"])
+    assert (tmp_path / "workspace.json").is_file() and (tmp_path / "workspace_cone.png").is_file()
     assert content["errata"][0]["error_printed"] == 0.5
     assert "| (1) | wrong | right | 1e-12 | 0.5 | computed |" in (tmp_path / "paper.md").read_text()
     printed = capsys.readouterr().out

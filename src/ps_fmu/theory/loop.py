@@ -19,7 +19,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -31,7 +31,15 @@ from ..mechanism.linear_model import Plant, PlantModel
 from ..mechanism.parameters import Parameters
 from ..mechanism.quantities import Array, Complex
 from ..mechanism.signals import N_INPUTS, N_LOADS, OUTPUTS
-from .stability import UnstableError, count_poles, find_delay_margin, find_unstable, sort_poles
+from .stability import (
+    UnstableError,
+    count_poles,
+    find_crossings,
+    find_delay_margin,
+    find_unstable,
+    refine_pole,
+    sort_poles,
+)
 from .transfer_matrices import Practical, place_frequencies
 
 if TYPE_CHECKING:
@@ -112,42 +120,21 @@ class Loop:
         rough = np.linalg.eigvals(self._closed(_PADE_ORDER))
         # Not the free base at zero, which the loop does not move, nor where the approximation of the delay ends.
         usable = (np.abs(rough) > 1e-6) & (np.abs(rough) < _PADE_ORDER / self.delay) & (rough.imag >= 0.0)
-        found = np.array([pole for start in rough[usable] if (pole := self._refined(start)) is not None])
+        opened, near = self.open_poles(), []
+        for start in rough[usable].tolist():
+            pole = refine_pole(self.characteristic, start, opened=opened)
+            if pole is not None and abs(pole - start) < 0.1 * abs(start):
+                near.append(pole)
+        found = np.array(near)
         return sort_poles(_distinct(np.concatenate([found, found[found.imag > 0.0].conj()])))
+
+    def open_poles(self) -> Complex:
+        """Poles of plant and controller, the loop cut open, rad/s."""
+        return np.concatenate([self.plant_poles(), controller_system(self.controller).poles()])
 
     def plant_poles(self) -> Complex:
         """Poles of the plant alone, rad/s."""
         return np.asarray(np.linalg.eigvals(plant_system(self.model).A).astype(complex))
-
-    def _refined(self, start: complex) -> complex | None:
-        """Pole near ``start`` by Newton's method; None if there is none within 10 %.
-
-        On the dynamic stiffness of the closed loop, which unlike det(E - L) has no poles where the plant has them:
-        with G singular at a pole, ``d(det G)/ds / det G = trace(G^-1 dG/ds)``.
-        """
-        s = complex(start)
-        for _ in range(30):
-            h = 1e-6 * abs(s)
-            slope = (self._stiffness(s + h) - self._stiffness(s - h)) / (2.0 * h)
-            try:
-                step = 1.0 / np.trace(np.linalg.solve(self._stiffness(s), slope))
-            except np.linalg.LinAlgError:  # there already
-                step = 0.0
-            s -= step
-            if not abs(s - start) < 0.1 * abs(start):
-                return None
-            if abs(step) <= 1e-12 * abs(s):
-                return s
-        return None
-
-    def _stiffness(self, s: complex) -> Complex:
-        """``s^2 M + s C + K`` of the plant's active coordinates, less the isolator's force."""
-        d = self.model.dynamics
-        on = np.flatnonzero(d.active)
-        stiffness = s * s * d.M + s * d.C + d.K + 0.0j
-        force = self.controller.response(np.asarray(s)) * (s * s * np.exp(-s * self.delay))
-        stiffness[d.slices["d_f"], d.slices["q_b"]] -= force
-        return np.asarray(stiffness[np.ix_(on, on)])
 
     def _closed(self, order: int) -> Array:
         """System matrix of plant, controller and Pade approximation of the delay."""
@@ -281,30 +268,39 @@ def margins(element: Callable[[ArrayLike], Complex], frequency: Array) -> Margin
 
     It is searched at the frequencies (n,), and then followed between them.
     """
+
+    def transfer(f: Array) -> Complex:
+        return element(f)[:, None, None]
+
+    def gain_db(f: Array) -> Array:
+        return np.asarray(20.0 * np.log10(np.abs(element(f))))
+
+    L = transfer(frequency)
+    crossings = find_crossings(transfer, frequency, L, lambda one: np.log(np.abs(one)), np.inf)
+    turning = find_crossings(transfer, frequency, L, lambda one: np.angle(-one), np.pi)
+    phase_margin = float(np.degrees(np.angle(-crossings[-1][1]))) if crossings else np.nan
+    return Margins(
+        *find_peak(gain_db, frequency),
+        tuple(f for f, _ in crossings),
+        tuple(f for f, value in turning if abs(value) > 1.0),
+        phase_margin,
+    )
+
+
+class Peak(NamedTuple):
+    """The largest value over frequency."""
+
+    value: float
+    at: float
+    """Hz."""
+
+
+def find_peak(function: Callable[[Array], Array], frequency: Array) -> Peak:
+    """Largest value of a function of frequency, and where, Hz: on the grid (n,), Hz, then between its neighbours."""
     from scipy.optimize import minimize_scalar
 
-    def gain(value: Complex) -> Array:
-        return np.asarray(20.0 * np.log10(np.abs(value)))
-
-    def phase(value: Complex) -> Array:
-        """Distance from -180 deg, deg, between -180 and 180."""
-        return np.asarray(np.degrees(np.angle(-value)))
-
-    values = element(frequency)
-    gains = gain(values)
-    crossings = _roots(lambda f: gain(element(f)), frequency, gains)
-    turning = _roots(lambda f: phase(element(f)), frequency, phase(values), jump=180.0)
-    turning = [f for f in turning if gain(element(f)) > 0.0]
-    margin = float(phase(element(crossings[-1]))) if crossings else np.nan
-    top = int(np.clip(gains.argmax(), 1, len(frequency) - 2))
-    around = (frequency[top - 1], frequency[top + 1])
-    peak = minimize_scalar(lambda f: -gain(element(f)), bounds=around, method="bounded")
-    return Margins(-float(peak.fun), float(peak.x), tuple(crossings), tuple(turning), margin)
-
-
-def _roots(f: Callable[[float], Array], x: Array, y: Array, jump: float = np.inf) -> list[float]:
-    """Where f, with values y at the points x, passes zero, but for jumps larger than ``jump``."""
-    from scipy.optimize import brentq
-
-    places = np.flatnonzero((np.sign(y[1:]) != np.sign(y[:-1])) & (np.abs(np.diff(y)) < jump))
-    return [float(brentq(f, x[k], x[k + 1], xtol=1e-12 * x[k])) for k in places]
+    top = int(np.clip(function(frequency).argmax(), 1, len(frequency) - 2))
+    found = minimize_scalar(
+        lambda f: -float(function(np.array([f]))[0]), bounds=(frequency[top - 1], frequency[top + 1]), method="bounded"
+    )
+    return Peak(-float(found.fun), float(found.x))

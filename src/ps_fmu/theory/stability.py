@@ -227,7 +227,7 @@ def find_common_margins(transfer: Callable[[Array], Complex], frequency: Array) 
     ``frequency`` (n,), Hz, ascending, dense around resonances.  They hold for a loop that is stable.
     """
     L = transfer(frequency)
-    real = [(f, abs(value)) for f, value in _find_crossings(transfer, frequency, L, lambda one: np.angle(-one), np.pi)]
+    real = [(f, abs(value)) for f, value in find_crossings(transfer, frequency, L, lambda one: np.angle(-one), np.pi)]
     gain_hz, gain = min(real, key=lambda each: abs(np.log(each[1])), default=(np.nan, np.nan))
     unit = _find_unit(transfer, frequency, L)
     phase_hz, phase = min(unit, key=lambda each: abs(each[1]), default=(np.nan, np.inf))
@@ -253,7 +253,7 @@ def find_delay_margin(transfer: Callable[[Array], Complex], frequency: Array) ->
 
 def _find_unit(transfer: Callable[[Array], Complex], frequency: Array, L: Complex) -> list[tuple[float, float]]:
     """Frequency, Hz, and phase above -180 deg, rad, wherever an eigenvalue has the magnitude one."""
-    found = _find_crossings(transfer, frequency, L, lambda one: np.log(np.abs(one)), np.inf)
+    found = find_crossings(transfer, frequency, L, lambda one: np.log(np.abs(one)), np.inf)
     return [(f, float(np.angle(-value))) for f, value in found]
 
 
@@ -263,14 +263,17 @@ def _find_delay(unit: Iterable[tuple[float, float]]) -> tuple[float, float]:
     return min(late, key=lambda each: each[1], default=(np.nan, np.inf))
 
 
-def _find_crossings(
+def find_crossings(
     transfer: Callable[[Array], Complex],
     frequency: Array,
     L: Complex,
     measure: Callable[[Complex], Array],
     jump: float,
 ) -> list[tuple[float, complex]]:
-    """Frequency, Hz, and eigenvalue of L (n, k, k) wherever a measure of it passes zero, but for jumps."""
+    """Frequency, Hz, and eigenvalue of L (n, k, k) wherever a measure of it passes zero, but for jumps; ascending.
+
+    ``L``: what ``transfer`` gives at the frequencies (n,), Hz.
+    """
     from scipy.optimize import brentq
 
     loci = _track(np.asarray(np.linalg.eigvals(L)))

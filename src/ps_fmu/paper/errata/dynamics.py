@@ -8,6 +8,8 @@ from ...mechanism.dynamics import bus_mass, rigid_body_mass
 from ...mechanism.kinematics import forward_kinematics, leg_lengths
 from ...mechanism.parameters import Array
 from ...mechanism.rotations import rotation_from_vector, skew
+from ...theory.loop import find_peak
+from ...theory.small_gain import largest_singular_value
 from ...theory.transfer_matrices import Complex, Practical
 from ..bus_cases import assemble_nominal, load_case, mobile_base_factors
 from . import case
@@ -92,7 +94,9 @@ def base_rotation() -> Erratum:
 def mobile_base_factor() -> Erratum:
     """(41), (42): the estimate ignores the resonances of the bus."""
     (original, original_estimate), (lighter, estimate) = mobile_base_factors("OSM"), mobile_base_factors("LSM")
-    peak = _peak("LSM")
+    plant = Practical(assemble_nominal(load_case("LSM")))
+    frequency = np.geomspace(0.1, 10.0, 10_000)  # Hz; a tenth of the width of a resonance apart
+    peak = find_peak(lambda f: largest_singular_value(plant.Y(2j * np.pi * f)), frequency).value
     return make_erratum(
         "(41), (42)",
         abs(lighter / peak - 1.0),
@@ -126,15 +130,3 @@ ENTRIES = (
 
 def _size(matrix: Complex) -> str:
     return f"{matrix.shape[-2]} x {matrix.shape[-1]}"
-
-
-def _peak(bus: str) -> float:
-    """Largest singular value of Y, by a grid over the frequency axis that closes in on it."""
-    plant = Practical(assemble_nominal(load_case(bus)))
-    frequency = np.geomspace(0.1, 10.0, 10_000)  # Hz; a tenth of the width of a resonance apart
-    while True:
-        value = np.linalg.svd(plant.Y(2j * np.pi * frequency), compute_uv=False)[:, 0]
-        top = int(value.argmax())
-        if frequency[1] - frequency[0] < 1e-8:
-            return float(value[top])
-        frequency = np.linspace(frequency[max(top - 1, 0)], frequency[min(top + 1, len(frequency) - 1)], 50)

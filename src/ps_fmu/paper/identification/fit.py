@@ -19,10 +19,6 @@ SETTLED = 1e-9  # of the ranges: a step that no printed digit shows
 LEAST_SLOPE = 1e-6
 
 
-class IdentificationError(ValueError):
-    """No parameters within the ranges meet the published numbers."""
-
-
 @dataclass(frozen=True)
 class Range:
     """A parameter and where a plausible value lies; the fits work with its place u in the range, 0 to 1."""

@@ -19,7 +19,7 @@ from ...interface.start_values import differences
 from ...mechanism.parameters import PAPER, Array, Parameters, load
 from ..bus_cases import with_large_damping
 from . import geometry, noise, suspension
-from .fit import Identifiability, IdentificationError
+from .fit import Identifiability
 
 BATCHES = 10  # of starts; the first is enough for 26 of 28 seeds, with 24 starts
 
@@ -60,7 +60,7 @@ def identify(path: Path, seed: int, starts: int, *, progress: bool = False) -> I
 
     Raises
     ------
-    IdentificationError: none was found.
+    ValueError: none was found.
     OSError: a file cannot be written.
     """
     stroke, best = load().manipulator.coarse_stroke, attrgetter("condition")
@@ -75,7 +75,7 @@ def identify(path: Path, seed: int, starts: int, *, progress: bool = False) -> I
         step = next(filter(None, (_fit_candidate(candidate, seed) for candidate in bar)), None)
         tried += starts
     if step is None:
-        raise IdentificationError(
+        raise ValueError(
             f"none of {tried} starting points leads to a geometry with which Table 1, Fig 10 and the passive "
             f"RMS of Table 2 can be met ({len(candidates)} meet Table 1); try another --seed or more --starts"
         )

@@ -118,13 +118,7 @@ def quadrilateral(geometry: Geometry, plane: str, count: int) -> Array:
 
     It encloses as much area as possible: of all quadrilaterals with corners at the edge of what is within reach, in
     directions 10 deg apart, the largest; then all is shrunk until every point of its sides is within reach as well.
-
-    Raises
-    ------
-    ValueError: fewer than five points.
     """
-    if count < 5:
-        raise ValueError(f"a quadrilateral needs five points or more, got {count}")
     return _interpolate(_corners(geometry, plane), count)
 
 

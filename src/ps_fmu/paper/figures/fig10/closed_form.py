@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
-from ....mechanism.parameters import Array
 from ....pointing.response import rightmost
-from ....theory.loop import Loop, Margins, controller_system, delay_limit_by_bisection, element_margins, loop_at
+from ....theory.loop import (
+    Loop,
+    Margins,
+    Peak,
+    delay_limit_by_bisection,
+    element_margins,
+    find_peak,
+    loop_at,
+)
 from ....theory.small_gain import largest_singular_value, nominal_loop_poles
 from ....theory.transfer_matrices import Complex, place_frequencies
 from ...bus_cases import SUSPENSION, assemble_nominal, load_case, mobile_base_factors, small_gain_curves
@@ -20,14 +25,6 @@ LONGEST = 0.3  # s, of the search for a delay limit
 BAND = (1.0, 30.0)  # Hz, around the suspension: what Fig 10 is about
 WIDE = (0.05, 1000.0)  # Hz, from below the arrays to beyond the low-pass
 AT_REST = 1e-6  # rad/s: the free base has poles at zero but for rounding
-
-
-@dataclass(frozen=True)
-class Peak:
-    """The largest value over frequency."""
-
-    value: float
-    at: float  # Hz
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +88,6 @@ def judge(case: str, delay: float) -> LoopVerdict:
     """Compute the verdict on one case; ``delay`` in s.  Cached: the errata use it, too."""
     loop = loop_at(load_case(case), delay=delay)
     poles = loop.poles()
-    opened = np.concatenate([loop.plant_poles(), controller_system(loop.controller).poles()])
     factor, estimate = mobile_base_factors(case)
     at_T = place_frequencies(nominal_loop_poles(assemble_nominal(load_case(case))), *WIDE, 2000)
     return LoopVerdict(
@@ -99,7 +95,7 @@ def judge(case: str, delay: float) -> LoopVerdict:
         loop=loop,
         margins=element_margins(loop, BAND),
         wide=element_margins(loop, WIDE),
-        open_loop_poles=int(np.sum(opened.real > AT_REST)),
+        open_loop_poles=int(np.sum(loop.open_poles().real > AT_REST)),
         encirclements=loop.inverted().unstable_poles(),
         unstable_poles=loop.unstable_poles(),
         poles=poles,
@@ -107,9 +103,9 @@ def judge(case: str, delay: float) -> LoopVerdict:
         bisected=delay_limit_by_bisection(loop, LONGEST, 1e-5),
         mobile_base_factor=factor,
         mobile_base_estimate=estimate,
-        small_gain=_find_peak(lambda f: small_gain_curves(case, f, delay)[0], at_T),
-        small_gain_bound=_find_peak(lambda f: small_gain_curves(case, f, delay)[1], at_T),
-        sensitivity=_find_peak(
+        small_gain=find_peak(lambda f: small_gain_curves(case, f, delay)[0], at_T),
+        small_gain_bound=find_peak(lambda f: small_gain_curves(case, f, delay)[1], at_T),
+        sensitivity=find_peak(
             lambda f: largest_singular_value(loop.sensitivity(2j * np.pi * f)), place_frequencies(poles, *WIDE, 2000)
         ),
     )
@@ -120,12 +116,3 @@ def least_gain_ratio_db(above: Loop, below: Loop) -> float:
     s = 2j * np.pi * place_frequencies(np.concatenate([above.plant_poles(), below.plant_poles()]), *WIDE)
     gains = [np.abs(loop.transfer(s)[:, 0, 0]) for loop in (above, below)]
     return float(20.0 * np.log10(gains[0] / gains[1]).min())
-
-
-def _find_peak(function: Callable[[Array], Array], frequency: Array) -> Peak:
-    """Largest value of a function of frequency, Hz: on the grid (n,), then between its neighbours."""
-    top = int(np.clip(function(frequency).argmax(), 1, len(frequency) - 2))
-    found = minimize_scalar(
-        lambda f: -float(function(np.array([f]))[0]), bounds=(frequency[top - 1], frequency[top + 1]), method="bounded"
-    )
-    return Peak(-float(found.fun), float(found.x))

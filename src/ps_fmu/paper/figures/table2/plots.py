@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -40,34 +40,17 @@ def paint_image(figure: Figure, results: Mapping[str, OrientationResult]) -> Non
         )
         for axes in row:
             axes.set(xlim=(-across, across), ylim=(-along, along), aspect="equal")
-    _add_legend(figure)
+    figure.legend(*active.get_legend_handles_labels(), loc="outside lower center", ncols=4, markerscale=4.0)
     figure.suptitle("Image point: co-simulated, and standard deviations in closed form")
-
-
-def _add_legend(figure: Figure) -> None:
-    """One legend for both rows: points and hull in the colours of either."""
-    from matplotlib.legend_handler import HandlerTuple
-    from matplotlib.lines import Line2D
-
-    both = (PASSIVE, ACTIVE)
-    entries: dict[str, Any] = {
-        "image points (passive, active), thinned out": tuple(Line2D([], [], color=c, marker=".", ls="") for c in both),
-        "convex hull of all points": tuple(Line2D([], [], color=c) for c in both),
-        **{rf"{n:g} $\sigma$, closed form": Line2D([], [], color="black", ls=style, lw=1.3) for n, style in DEVIATIONS},
-    }
-    figure.legend(
-        list(entries.values()), list(entries), loc="outside lower center", ncols=4, handlelength=3.5,
-        handler_map={tuple: HandlerTuple(ndivide=None)},
-    )  # fmt: skip
 
 
 def _draw_cloud(axes: Axes, scatter: Scatter, theory: Jitter, colour: str, factor: float, unit: str) -> None:
     points, hull = ((values - scatter.centre) * factor for values in (scatter.points, scatter.hull))
-    axes.plot(*points.T, ".", color=colour, ms=2.0, alpha=0.4, mew=0.0)
-    axes.plot(*np.concatenate((hull, hull[:1])).T, color=colour)
+    axes.plot(*points.T, ".", color=colour, ms=2.0, alpha=0.4, mew=0.0, label="image points, thinned out")
+    axes.plot(*np.concatenate((hull, hull[:1])).T, color=colour, label="convex hull of all points")
     for deviations, style in DEVIATIONS:
         ellipse = deviations * factor * _ellipse(theory.image_covariance)
-        axes.plot(*ellipse, color="black", ls=style, lw=1.3)
+        axes.plot(*ellipse, color="black", ls=style, lw=1.3, label=rf"{deviations:g} $\sigma$, closed form")
     axes.set_xlabel(f"x ({unit})")
 
 
