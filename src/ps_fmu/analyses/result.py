@@ -118,7 +118,7 @@ def format_value(value: float | None) -> str:
     return "-" if value is None else f"{value:.6g}"
 
 
-def findings_table(findings: Sequence[Finding], caption: str = "Published and ours") -> Table:
+def findings_table(findings: Sequence[Finding], caption: str = "Published and computed") -> Table:
     """The table of findings, one in a row."""
     return tabulate(
         caption,
@@ -150,7 +150,7 @@ def short_findings_table(findings: Sequence[Finding]) -> Table:
         )
         for f, before in zip(findings, places, strict=False)
     ]
-    return Table("Published and ours", ("number", "published", "computed", "co-simulated", "difference"), rows)
+    return Table("Published and computed", ("number", "published", "computed", "co-simulated", "difference"), rows)
 
 
 def tabulate(caption: str, items: Iterable[T], columns: Sequence[tuple[str, Callable[[T], str]]]) -> Table:

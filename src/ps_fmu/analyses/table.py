@@ -92,7 +92,7 @@ _TABLE = (
     ),
     Analysis(
         "paper",
-        "every published number beside ours, and the errata with their evidence: all analyses together",
+        "every published number beside the computed number, and the errata with their evidence: all analyses together",
         "ps_fmu.paper.overview:analyse",
     ),
     Analysis(

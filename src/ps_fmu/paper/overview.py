@@ -35,7 +35,7 @@ def analyse(options: AnalysisOptions) -> AnalysisResult:
     entries, findings = errata.errata(), order_findings(found)
     return AnalysisResult(
         name="paper",
-        title="The paper's numbers, and ours",
+        title="The paper's numbers, published and computed",
         text=paragraphs(findings, entries),
         findings=findings,
         tables=[errata_table(entries)],
