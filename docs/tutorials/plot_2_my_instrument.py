@@ -33,8 +33,8 @@ def run(command, lines=None):
     """Type a command into a terminal; show what it prints, or the first lines of that."""
     program, *words = shlex.split(command)
     path = Path(sys.executable).with_name(program)
-    narrow = os.environ | {"COLUMNS": "80"}
-    done = subprocess.run([path, *words], cwd=FOLDER, capture_output=True, text=True, env=narrow)
+    wide = os.environ | {"COLUMNS": "100"}
+    done = subprocess.run([path, *words], cwd=FOLDER, capture_output=True, text=True, env=wide)
     printed = (done.stdout or done.stderr).replace(f"{FOLDER}/", "").splitlines()
     rest = ["..."] if printed[lines or len(printed) :] else []
     typed = " \\\n    ".join(textwrap.wrap(f"$ {command}", 72, break_on_hyphens=False))
