@@ -245,7 +245,8 @@ def test_cases_that_kill_their_process_do_not_take_others_along(write_study, swe
     assert [row["status"] for row in rows] == [expected[mode] for mode in modes]
     assert "4 cases have no result" in printed
     assert "signal SIGSEGV" in printed
-    reasons = re.findall(r"  (\d) (failed|killed its process), as case (\d): .*(model broke|code 3|SIGSEGV)", printed)
+    reason = r"(\d) (failed|killed its process), as case (\d): .*?(model broke|code 3|SIGSEGV)"
+    reasons = re.findall(reason, " ".join(printed.split()))
     expected = {("2", "failed", "3", "model broke"), ("1", KILLED, "0", "code 3"), ("1", KILLED, "2", "SIGSEGV")}
     verify_claim(
         "study.reasons_of_failures",
