@@ -91,12 +91,15 @@ def test_the_largest_noise_density_reaches_the_jitter():
     )
 
 
-def test_a_system_of_ones_own(built_fmus, tmp_path):
-    """The telescope on all eight FMUs: closed form and runs agree, and what is no noise is left out."""
-    own = tmp_path / "own.ssv"
+def test_a_system_of_ones_own(built_fmus, tmp_path, ssv):
+    """The telescope on all eight FMUs: closed form and runs agree, and what is no noise is left out.
+
+    Its arrays have twenty times their damping, so that they have settled when the record begins.
+    """
+    own, damped = tmp_path / "own.ssv", ssv({f"plant.bus.mode_{k}.damping_ratio": 0.1 for k in range(1, 5)})
     assert main(["parameters", "telescope.toml", "--system", "FullInstrument.ssd", "--output", str(own)]) == 0
     system = SYSTEM.with_name("FullInstrument.ssd")
-    options = AnalysisOptions(tmp_path, built_fmus, system, progress=False, parameters=(own,))
+    options = AnalysisOptions(tmp_path, built_fmus, system, progress=False, parameters=(own, damped))
     result = sensors.analyse(options, 20.0, {"navigation": (3.0,)}, corners=np.geomspace(0.03, 3.0, 4), points=120)
     (run,) = result.data["runs"]
     verify_claim(

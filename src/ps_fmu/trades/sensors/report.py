@@ -112,11 +112,11 @@ def paragraphs(trade: Trade, measured: Sequence[Point], answer: BiasAnswer, dura
         "noise of the angular acceleration.",
         f"Passive jitter is {_micro(trade.passive)} urad. Without a line-of-sight loop these classes bring less than "
         f"that at the best corner: {', '.join(helped) or 'none'}. All classes: "
-        + ", ".join(f"{name} {_micro(value)} urad" for name, value in best.items())
+        + ", ".join(f"{name} {_show(value)}" for name, value in best.items())
         + ".",
-        f"A line-of-sight loop with a crossover of {last:g} Hz alone, isolator off, leaves "
-        f"{_micro(trade.loops_alone[last])} urad. With the isolator's corner moved to suit it: "
-        + ", ".join(f"{name} {_micro(value)} urad" for name, value in looped.items())
+        f"A line-of-sight loop with a crossover of {last:g} Hz alone, isolator off, "
+        f"{_say_left(trade.loops_alone[last])}. With the isolator's corner moved to suit it: "
+        + ", ".join(f"{name} {_show(value)}" for name, value in looped.items())
         + f". Better than the loop alone: {', '.join(better) or 'none'}. The loop has the design and the tracker that "
         "are the defaults of its FMUs; for lower crossovers its integral frequency falls in proportion.",
         "A constant bias ends as a constant offset, of bias over corner squared (rad/s2 and rad/s). On the FMUs the "
@@ -128,7 +128,7 @@ def paragraphs(trade: Trade, measured: Sequence[Point], answer: BiasAnswer, dura
         else f"The runs of the FMUs (multisine disturbance, one period of {duration:g} s) deviate from the closed form "
         f"of its lines by up to {100.0 * max(abs(p.deviation) for p in measured):.1f} %, and by "
         f"{abs(worst.deviations):.1f} standard deviations of the sensors' noise in a record as long at most "
-        f"({worst.name}, {worst.corner:g} Hz).",
+        f"({worst.name}, {worst.corner:g} Hz). Modes that ring longer than the runs settle add to that.",
         _describe_unstable(trade),
         "The figures of the classes and their sources are in system/parameters/sensors_*.ssv; several are assumed, and "
         "say so.",
@@ -196,6 +196,14 @@ def _point_table(measured: Sequence[Point]) -> Table:
 
 def _describe(crossover: float | None) -> str:
     return "none" if crossover is None else f"{crossover:g} Hz"
+
+
+def _show(value: float) -> str:
+    return f"{_micro(value)} urad" if np.isfinite(value) else _micro(value)
+
+
+def _say_left(value: float) -> str:
+    return f"leaves {_show(value)}" if np.isfinite(value) else "is unstable"
 
 
 def _micro(value: float) -> str:
