@@ -194,5 +194,6 @@ def test_samples_of_the_tracker_that_do_not_fit_are_refused_before_the_runs(opti
 
 def test_a_system_without_a_tracker_is_refused_by_name(options):
     wrong = options(3.0, H, system=LINE_OF_SIGHT.with_name("SystemStructure.ssd"))
-    with pytest.raises(OptionError, match="has no tracker and no pointing: take"):
+    lines = r"does not fit the scenario pointing:\n- there is no component 'tracker'.*\n- there is no component 'pointing'"
+    with pytest.raises(OptionError, match=lines):
         execute(wrong)
