@@ -195,8 +195,8 @@ def test_a_worker_with_other_modules_or_without_any_is_refused(opened, tmp_path)
         "m.version = lambda name: real('no_such_package' if name == 'ps_fmu' else name)"
     )
     cases = (
-        (other, r"worker odd@.* has ps_fmu \S+ \(modules \w{12}\) instead of \S+ \(modules \w{12}\): rows"),
-        (none, r"worker odd \(tcp://.*\) has ps_fmu not installed instead of [\d.]+: rows would not be"),
+        (other, r"worker odd@.* has ps_fmu \S+ \(modules \w{12}\) instead of \S+ \(modules \w{12}\): its rows"),
+        (none, r"worker odd \(tcp://.*\) has ps_fmu not installed instead of [\d.]+: its rows would differ"),
     )
     named = ("--name", "odd", "--no-nanny", "--local-directory", str(tmp_path))
     with start_by_hand(tmp_path, 0) as (address, processes):
