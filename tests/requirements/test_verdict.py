@@ -140,7 +140,7 @@ def test_a_limit_within_the_interval_is_not_shown(record, white, level, side):
     assert verdict.statement.lower <= 0.5e-6 < verdict.statement.bound
     assert verdict.answer is Answer.NOT_SHOWN and not verdict.met
     where = f"the value is {side} the limit, and the limit is within its interval."
-    assert verdict.remark == f"{where} A longer run narrows the interval."
+    assert verdict.remark == f"{where} As a rule, a longer run narrows the interval."
 
 
 def test_a_run_that_ends_before_a_window_is_full(record, white):

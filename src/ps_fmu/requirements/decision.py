@@ -72,7 +72,7 @@ def advise(requirement: Requirement, statement: Statement, runs: int, judged_s: 
     closest = math.isfinite(statement.bound) and not statement.method.startswith(MARKOV)
     if probability is None or confidence is None or closest:
         longer = requirement.interpretation is Interpretation.TEMPORAL
-        return f"{'A longer run narrows' if longer else 'More runs narrow'} the interval."
+        return f"As a rule, {'a longer run narrows' if longer else 'more runs narrow'} the interval."
     if requirement.interpretation is Interpretation.TEMPORAL:
         needed = samples_needed(probability, share_out(confidence, runs))
         length = judged_s * needed / statement.independent
