@@ -120,9 +120,12 @@ _PROGRAMS = (
     ),
     Program(
         "numerics",
-        Part((*_place("numerics", "numerics", "sse2", "avx2", "avx512"), *_KERNEL), ("-O3", "-fno-math-errno")),
+        Part(
+            (*_place("numerics", "numerics", "sse2", "avx2", "avx512"), *_KERNEL),
+            ("-O3", "-fno-math-errno", "-ffp-contract=off"),
+        ),
         Part(libraries=("-lm",)),
-        Part(),
+        Part(flags=("-D__USE_MINGW_ANSI_STDIO=0",)),
         tuple(PLATFORMS),
     ),
     Program(
