@@ -299,7 +299,8 @@ static int64_t fill(const Mechanism *m, const Place *place, const double *x, con
     return 1;
 }
 
-EXPORT int64_t mechanism_evaluate(const Mechanism *m, const Place *place, const double *x, const double *u, Point *p)
+EXPORT int64_t mechanism_evaluate(const Mechanism *m, const Place *place, const double *x, const double u[MECHANISM_INPUTS],
+                                  Point *p)
 {
     Layout at = lay_out(m);
     double found[16], turned[3];
@@ -341,8 +342,8 @@ static void solve(const Point *p, const double right[12], double found[12])
     }
 }
 
-EXPORT void mechanism_differentiate(const Mechanism *m, const Point *p, const double *dx, const double *du, double *d_rates,
-                                    double *d_outputs, double *d_reaction)
+EXPORT void mechanism_differentiate(const Mechanism *m, const Point *p, const double *dx, const double du[MECHANISM_INPUTS],
+                                    double *d_rates, double d_outputs[MECHANISM_OUTPUTS], double d_reaction[6])
 {
     Layout at = lay_out(m);
     EquationsMotion dz;
