@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable, Sequence
-from ctypes import PYFUNCTYPE, c_bool, c_char_p, c_double, c_int64, c_uint64, c_void_p
+from ctypes import PYFUNCTYPE, c_bool, c_char, c_char_p, c_double, c_int64, c_uint64, c_void_p
 from dataclasses import dataclass
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -44,10 +45,13 @@ class Elements:
         self.words = write_words(self.before), write_words(self.after)
 
 
-_MAGIC = 0x37302D65726F63  # "core-07"
+_MAGIC = 0x38302D65726F63  # "core-08"
 NOTHING, MAP, TABLE = range(3)
 FOUND_DUE = 2
 """Value of ``pending`` if an element has found, before the map, that an event is due before this step."""
+
+MESSAGE_NONE, MESSAGE_WARNING, MESSAGE_REFUSAL = 0, 1, 3
+"""Values of ``message_status``."""
 
 _MOST_MAPS = 2
 _STEP = PYFUNCTYPE(c_bool, c_char_p, c_void_p)  # keeps Python's lock: to give it up takes as long as a step
@@ -112,6 +116,8 @@ class Core(ctypes.Structure):
         ("time_slack", c_double), ("step_slack", c_double), ("last_start", c_double),
         ("count", c_int64), ("block", c_int64),
         ("native_steps", c_int64), ("python_steps", c_int64),
+        ("any_step", c_int64), ("origin", c_double), ("stop", c_double),
+        ("message_status", c_int64), ("message", c_char * 512), ("label", c_char_p),
     )  # fmt: skip
 
     arrays: dict[str, NDArray[Any]]
@@ -191,7 +197,7 @@ def make_core(layout: BufferLayout, data: Array) -> Core:
     core.magic, core.size = _MAGIC, ctypes.sizeof(Core)
     source, target = data[layout.source], data[layout.target]
     core.n_references, core.n_target = data.size, target.size
-    core.step_slack = -1.0
+    core.step_slack, core.stop = -1.0, inf
     core.n_row = data[layout.r].size
     core.n_rows = 2**62  # without tables, they do not end
     core.watching = 1

@@ -46,6 +46,12 @@ class Model(Fmi2Slave):
     n_row: ClassVar[int] = 0
     """Size of r, a row that the map takes.  0, with ``block_rows``: rows are the outputs; no states, no map."""
 
+    any_step: ClassVar[bool] = False
+    """True: one map and one list of elements, of ``default_step``, serve steps of any size.
+
+    What depends on the size is done by elements, which read it from the core.
+    """
+
     model_description: ClassVar[str] = ""
     default_step: ClassVar[float] = 1e-4  # s
     default_stop: ClassVar[float] = 10.0  # s
@@ -76,10 +82,11 @@ class Model(Fmi2Slave):
         """
         return None
 
-    def step_map(self, h: float) -> Array:
+    def step_map(self, h: float) -> Array | None:
         """Return the matrix of a step of size h, s, (ny + nx, nx + nu + na + nr).  It is cached by h until ``remap()``.
 
-        May have fewer columns: the last operands are then not used.  An operand that is 0 costs nothing.
+        None: there is no map, elements do all.  May have fewer columns: the last operands are then not used.  An
+        operand that is 0 costs nothing.
         """
         raise NotImplementedError(f"{type(self).__name__} has neither step_map nor block_rows")
 

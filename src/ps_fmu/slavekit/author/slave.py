@@ -57,6 +57,8 @@ class Slave(Stepper):
             raise TypeError(
                 f"{cls.__name__}: n_states = {cls.n_states}: expected 0 with block_rows and without n_row"
             )
+        if cls.any_step and cls.block_rows:
+            raise TypeError(f"{cls.__name__}: any_step, but rows of tables belong to one size of steps: block_rows = 0")
         if cls.n_row and not cls.block_rows:
             raise TypeError(f"{cls.__name__}: n_row = {cls.n_row} needs tables: set block_rows")
         flags = {port.name for port in cls.ports if port.causality == "output" and port.type == "Boolean"}
@@ -75,6 +77,7 @@ class Slave(Stepper):
         if self.hosted:
             _forget_host_thread()
         self._allocate()
+        self._core.any_step, self._core.label = self.any_step, self.label.encode()
         self.instances.add(self)
 
     # --- Life cycle ---------------------------------------------------------------------
@@ -89,8 +92,8 @@ class Slave(Stepper):
             raise Refused(f"start time {start_time!r} s: expected a finite number")
         if not stop > start_time:
             raise Refused(f"stop time {stop!r} s: expected a number above the start time {start_time!r} s")
-        self._start = self._core.time = self._origin = float(start_time)
-        self._stop = float(stop)
+        self._start = self._core.time = self._core.origin = float(start_time)
+        self._core.stop = float(stop)
         self._ready = True
         self._stale = True  # outputs may have been read before; a model may use the start time
 
@@ -104,6 +107,7 @@ class Slave(Stepper):
         self._require("exit_initialization_mode", LifePhase.INITIALISATION)
         if self._stale:
             self._configure()
+        self._prepare()
         self._enter(LifePhase.STEPPING)
 
     def terminate(self) -> None:
@@ -198,6 +202,8 @@ class Slave(Stepper):
         else:
             self._derive()
             self._recall(state.clock, self._compute_table_again(state.clock))
+        if self._phase == LifePhase.STEPPING:
+            self._prepare()
 
     @classmethod
     def _fmu_state_to_bytes(cls, state: SlaveState | Unreadable) -> bytes:

@@ -38,7 +38,8 @@ class Port:
     min, max: smallest and largest value; enforced on inputs and parameters.
     nominal: typical magnitude, for tools that scale values; only for Real.
     display_unit: one of ``units.DISPLAY_UNITS[unit]``.
-    event: True: ``Slave.event`` handles this input, not the linear map.  It handles all inputs that are not Real.
+    event: True: a new value of this input makes an event due, see :meth:`.model.Model.event`.  None: True of inputs
+        that are not Real, else False.  False: the map reads it, if it is a Real, or an element.
     depends_on: inputs that this output depends on at the same communication point; normally none, since outputs are
         latched at the end of doStep.
     initially_depends_on: inputs and parameters that this output depends on in initialisation mode; None: all of them.
@@ -54,7 +55,7 @@ class Port:
     max: float | None = None
     nominal: float | None = None
     display_unit: str | None = None
-    event: bool = False
+    event: bool | None = None
     depends_on: tuple[str, ...] = ()
     initially_depends_on: tuple[str, ...] | None = None
 
@@ -74,8 +75,8 @@ class Port:
         self._check_unit()
         if self.causality != "output":
             object.__setattr__(self, "start", self.checked(self._read_start()))
-        if self.causality == "input" and self.type != "Real":
-            object.__setattr__(self, "event", True)
+        if self.event is None:
+            object.__setattr__(self, "event", self.causality == "input" and self.type != "Real")
 
     def _make_error(self, problem: str) -> ValueError:
         return ValueError(f"port {self.name}: {problem}")
