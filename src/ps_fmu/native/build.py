@@ -121,7 +121,7 @@ _PROGRAMS = (
     Program(
         "numerics",
         Part(
-            (*_place("numerics", "numerics", "sse2", "avx2", "avx512"), *_KERNEL),
+            (*_place("numerics", "numerics", "sse2", "avx2", "avx512", "expm"), *_KERNEL),
             ("-O3", "-fno-math-errno", "-ffp-contract=off"),
         ),
         Part(libraries=("-lm",)),
