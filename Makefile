@@ -14,7 +14,7 @@ export MPLBACKEND := Agg
 # Some environments ask Python to keep no bytecode.  The tests start hundreds of processes, which would all compile anew.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: run test soak docs docs-links dist fmus launcher pythons importers basilisk multibody verify bench lint clean
+.PHONY: run test soak docs docs-links dist fmus launcher derive pythons importers basilisk multibody verify bench lint clean
 .DELETE_ON_ERROR:
 
 run: fmus  ## the default scenario: isolation at the nominal orientation, passive then active
@@ -45,6 +45,9 @@ fmus: build/fmus/.built  ## the FMUs in build/fmus
 
 launcher: .venv/.installed  ## what is compiled in the package, made again: the same bytes from the same sources
 	$(BIN)/python -m ps_fmu.native
+
+derive: .venv/.installed  ## the equations of the mechanism, written as C again; make launcher compiles them
+	$(BIN)/python -m ps_fmu.mechanism.derivation
 
 pythons: .venv/.installed  ## the other versions of Python that this machine has, for the tests (0.5 GB each)
 	@for version in 3.11 3.12 3.13; do \
