@@ -38,6 +38,7 @@ class FeedforwardIsolator(Slave):
     n_states: ClassVar[int] = count_states(LARGEST_ORDER) - 6
     # Acceleration as last sampled, where the controller has a period of its own; forces that the low-pass filters.
     n_auxiliary: ClassVar[int] = 6 + 3
+    any_step: ClassVar[bool] = True
     n_memory: ClassVar[int] = 3 + 1 + 1 + 3 + ring_size(3, LONGEST_DELAY)  # see the views in _build
     limit_flag: ClassVar[str] = "saturated"
 
@@ -144,6 +145,6 @@ class FeedforwardIsolator(Slave):
         # Orientation of the gains, rad; parts of a period since a sample; force, N.
         self.kept, self.sampled, self.held, self.held_force, self.ring = np.split(self.memory, [3, 4, 5, 8])
         self.sample_time, self.delay = float(values["sample_time"]), float(values["delay"])  # s
-        places = {"orientation": self.view("orientation"), "kept": self.kept, "driven": self.a[6:],
+        places = {"orientation": self.view("orientation"), "kept_orientation": self.kept, "driven": self.a[6:],
                   "filtered": self.x, "forces": self.y, "enabled": self.view("enabled")}  # fmt: skip
         self.words = self.isolator.pack(**{name: int(self.places(view)[0]) for name, view in places.items()})

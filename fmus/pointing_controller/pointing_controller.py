@@ -36,6 +36,7 @@ class PointingController(Slave):
     n_states: ClassVar[int] = N_STATES
     # The error as last sampled; what is integrated, and the integral that is held without lock.
     n_auxiliary: ClassVar[int] = 3 + 6
+    any_step: ClassVar[bool] = True
     n_memory: ClassVar[int] = 3 + 3 + 3 + 1 + 1 + ring_size(3, LONGEST_DELAY)  # see the views in _build
 
     ports: ClassVar[tuple[Port, ...]] = (
@@ -127,8 +128,8 @@ class PointingController(Slave):
         self.kept, self.unlimited, self.held, self.sample_clock, self.hold_clock, self.ring = np.split(
             self.memory, [3, 6, 9, 10, 11]
         )
-        places = {"orientation": self.view("orientation"), "kept": self.kept, "driving": self.a[3:], "filter": self.x,
-                  "forces": self.y, "unlimited": self.unlimited, "locked": self.view("locked"),
+        places = {"orientation": self.view("orientation"), "kept_orientation": self.kept, "driving": self.a[3:],
+                  "filter": self.x, "forces": self.y, "unlimited": self.unlimited, "locked": self.view("locked"),
                   "enabled": self.view("enabled")}  # fmt: skip
         limit = float(values["force_limit"]) or np.inf
         self.words = self.law.pack(limit, **{name: int(self.places(view)[0]) for name, view in places.items()})

@@ -79,7 +79,7 @@ class IsolatorWords(ctypes.Structure):
     _fields_ = (
         ("mechanism", c_double * N_MECHANISM),
         *((name, c_int64) for name in (
-            "orientation", "kept", "acceleration", "driven", "filtered", "forces", "enabled",
+            "orientation", "kept_orientation", "acceleration", "driven", "filtered", "forces", "enabled",
         )),
         ("gains", c_double * (18 + 9 + 9)),
     )  # fmt: skip

@@ -194,7 +194,7 @@ class PointingWords(ctypes.Structure):
     _fields_ = (
         ("mechanism", c_double * N_MECHANISM),
         *((name, c_int64) for name in (
-            "orientation", "kept", "error", "driving", "filter", "forces", "unlimited", "locked", "enabled",
+            "orientation", "kept_orientation", "error", "driving", "filter", "forces", "unlimited", "locked", "enabled",
         )),
         *((name, c_double) for name in ("limit", "proportional", "integral", "stiffness", "damping")),
         ("gains", c_double * 27),

@@ -121,7 +121,7 @@ static void follow_parts(const Profile *p, Parts *parts, double time, int order,
         motions[0][k] = p->target[k] + motions[0][k];
 }
 
-void profile_follow(const Profile *p, double time, int order, Motions motions)
+EXPORT void profile_follow(const Profile *p, double time, int order, Motions motions)
 {
     Parts parts;
     find_parts(p, &parts);
@@ -285,7 +285,7 @@ static void multiply_motions(Motions start, const double *distance, double (*pro
             products[i][j] = dot(of[i], of[j]);
 }
 
-void profile_plan(Profile *p, double time, Motions start, const double *target, const Limits *limits)
+EXPORT void profile_plan(Profile *p, double time, Motions start, const double *target, const Limits *limits)
 {
     const double limit[3] = {limits->rate, limits->acceleration, limits->jerk};
     double own[3], allowed[3], excess, bound = 1e-3; /* s */
@@ -327,14 +327,4 @@ void profile_plan(Profile *p, double time, Motions start, const double *target, 
         set_brake(&search, p->brake);
         p->transfer = choose(&search, p->transfer, TRANSFERS, &excess);
     }
-}
-
-EXPORT void control_plan(Profile *p, double time, Motions start, const double *target, const Limits *limits)
-{
-    profile_plan(p, time, start, target, limits);
-}
-
-EXPORT void control_follow(const Profile *p, double time, Motions motions)
-{
-    profile_follow(p, time, 3, motions);
 }
