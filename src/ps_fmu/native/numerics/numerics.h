@@ -7,11 +7,7 @@
 
 #include <stdint.h>
 
-#ifdef _WIN32
-#define EXPORT __declspec(dllexport)
-#else
-#define EXPORT __attribute__((visibility("default")))
-#endif
+#include "../kernel/core.h"
 
 enum { CHANNELS = 6 /* of a wrench */, NODES = 6 /* of an interpolation */, LANES = 8 /* worked on together */ };
 

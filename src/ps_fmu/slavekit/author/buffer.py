@@ -25,7 +25,7 @@ _LARGEST = float(np.finfo(np.float64).max)
 
 
 class BufferLayout:
-    """The buffer ``[y outputs|x states|u inputs|a auxiliary|r row|event inputs|parameters|memory]``.
+    """The buffer ``[y outputs|x states|u inputs|a auxiliary|r row|other inputs|parameters|memory]``.
 
     ``y`` and ``x`` are adjacent, and so are ``x``, ``u``, ``a`` and ``r``: a step is ``[y; x] <- M @ [x; u; a; r]``.
     Booleans and Integers are kept as doubles.  Strings live in a list outside; their references follow the
@@ -49,8 +49,9 @@ class BufferLayout:
         self.strings = [port for port in self.ports if port.type == "String"]
         numeric = [port for port in self.ports if port.type != "String"]
         outputs = [port for port in numeric if port.causality == "output"]
-        inputs = [port for port in numeric if port.causality == "input" and not port.event]
-        events = [port for port in numeric if port.causality == "input" and port.event]
+        every_input = [port for port in numeric if port.causality == "input"]
+        inputs = [port for port in every_input if port.type == "Real" and not port.event]
+        events = [port for port in every_input if port not in inputs]
         parameters = [port for port in numeric if port.causality == "parameter"]
 
         sizes = [len(outputs), n_states, len(inputs), n_auxiliary, n_row, len(events), len(parameters), n_memory]
@@ -121,7 +122,7 @@ class BufferLayout:
                 if name == names or (name.startswith(names) and _ONE_LEVEL.fullmatch(name, len(names)))
             ]
             if not found:
-                raise KeyError(f"{self.model} has no variable {names!r}, {names}.* or {names}_1 ...")
+                raise KeyError(f"there is no variable {names!r}, {names}.* or {names}_1 ... in {self.model}")
         else:
             found = list(names)
         references = [self.find(name) for name in found]
@@ -142,7 +143,7 @@ class BufferLayout:
         try:
             return self.reference[name]
         except KeyError:
-            raise KeyError(f"{self.model} has no variable {name!r}") from None
+            raise KeyError(f"there is no variable {name!r} in {self.model}") from None
 
 
 def allocate_aligned(*shape: int) -> Array:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import ClassVar
 
+import numpy as np
 from pythonfmu.fmi2slave import Fmi2Slave
 
 from .ahead import RowParts
@@ -15,6 +16,9 @@ from .buffer import Array
 from .elements import Element
 from .terminals import Terminal
 from .variables import Port
+
+Matrices = tuple[Array, Array, Array, Array]
+"""A, B, C, D of a linear system."""
 
 
 class Model(Fmi2Slave):
@@ -46,6 +50,12 @@ class Model(Fmi2Slave):
     n_row: ClassVar[int] = 0
     """Size of r, a row that the map takes.  0, with ``block_rows``: rows are the outputs; no states, no map."""
 
+    any_step: ClassVar[bool] = False
+    """True: one map and one list of elements, of ``default_step``, serve steps of any size.
+
+    What depends on the size is done by elements, which read it from the core.
+    """
+
     model_description: ClassVar[str] = ""
     default_step: ClassVar[float] = 1e-4  # s
     default_stop: ClassVar[float] = 10.0  # s
@@ -72,14 +82,24 @@ class Model(Fmi2Slave):
     def output_map(self) -> Array | None:
         """Return the map from [x; u; a] to the outputs, (ny, nx + nu + na); None: ``configure`` sets y itself.
 
-        May have fewer columns: the last operands are then not used.
+        May have fewer columns: the last operands are then not used.  By default, that of :meth:`continuous`.
+        """
+        matrices = self.continuous()
+        return None if matrices is None else np.hstack(matrices[2:])
+
+    def continuous(self) -> Matrices | None:
+        """Return A, B, C, D of ``x' = A x + B [u; a]``, ``y = C x + D [u; a]``; None: ``step_map`` is used instead.
+
+        Shapes (nx, nx), (nx, nu + na), (ny, nx), (ny, nu + na).  Inputs are held over a step, whose map is made without
+        Python for whatever size the host asks for; the class then has ``any_step``.
         """
         return None
 
-    def step_map(self, h: float) -> Array:
+    def step_map(self, h: float) -> Array | None:
         """Return the matrix of a step of size h, s, (ny + nx, nx + nu + na + nr).  It is cached by h until ``remap()``.
 
-        May have fewer columns: the last operands are then not used.  An operand that is 0 costs nothing.
+        None: there is no map, elements do all.  May have fewer columns: the last operands are then not used.  An
+        operand that is 0 costs nothing.
         """
         raise NotImplementedError(f"{type(self).__name__} has neither step_map nor block_rows")
 

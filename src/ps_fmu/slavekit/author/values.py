@@ -112,7 +112,7 @@ class Values(Model):
                 raise Refused(str(error)) from None
         for reference, port, new in zip(references, ports, checked, strict=True):
             if self._buffer.raw(reference) != new:
-                self._on_change(port.event)
+                self._on_change(bool(port.event))
             self._buffer.store(reference, new)  # -0.0, too, in place of 0.0
 
     @abstractmethod

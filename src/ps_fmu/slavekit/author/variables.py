@@ -38,7 +38,8 @@ class Port:
     min, max: smallest and largest value; enforced on inputs and parameters.
     nominal: typical magnitude, for tools that scale values; only for Real.
     display_unit: one of ``units.DISPLAY_UNITS[unit]``.
-    event: True: ``Slave.event`` handles this input, not the linear map.  It handles all inputs that are not Real.
+    event: True: a new value of this input makes an event due, see :meth:`.model.Model.event`.  None: True of inputs
+        that are not Real, else False.  False: the map reads it, if it is a Real, or an element.
     depends_on: inputs that this output depends on at the same communication point; normally none, since outputs are
         latched at the end of doStep.
     initially_depends_on: inputs and parameters that this output depends on in initialisation mode; None: all of them.
@@ -54,7 +55,7 @@ class Port:
     max: float | None = None
     nominal: float | None = None
     display_unit: str | None = None
-    event: bool = False
+    event: bool | None = None
     depends_on: tuple[str, ...] = ()
     initially_depends_on: tuple[str, ...] | None = None
 
@@ -64,7 +65,7 @@ class Port:
                 f"port {self.name!r}: expected identifiers joined by dots, such as 'base_force.x'"
             )
         if self.causality not in ("input", "output", "parameter"):
-            raise self._make_error(f"causality {self.causality!r} is none of input, output, parameter")
+            raise self._make_error(f"causality: expected input, output or parameter, got {self.causality!r}")
         if self.causality != "output" and (self.depends_on or self.initially_depends_on is not None):
             raise self._make_error("only outputs have dependencies")
         if self.causality != "input" and self.event:
@@ -74,8 +75,8 @@ class Port:
         self._check_unit()
         if self.causality != "output":
             object.__setattr__(self, "start", self.checked(self._read_start()))
-        if self.causality == "input" and self.type != "Real":
-            object.__setattr__(self, "event", True)
+        if self.event is None:
+            object.__setattr__(self, "event", self.causality == "input" and self.type != "Real")
 
     def _make_error(self, problem: str) -> ValueError:
         return ValueError(f"port {self.name}: {problem}")
@@ -87,11 +88,11 @@ class Port:
             except ValueError as error:
                 raise self._make_error(str(error)) from None
         elif self.unit != "1" or self.nominal is not None:
-            raise self._make_error(f"a {self.type} has neither unit nor nominal value")
+            raise self._make_error(f"expected neither unit nor nominal value for a {self.type}")
         known = DISPLAY_UNITS.get(self.unit, {})
         if self.display_unit is not None and self.display_unit not in known:
             choices = ", ".join(known) or "(there are none)"
-            raise self._make_error(f"display unit {self.display_unit!r} of {self.unit!r} is none of {choices}")
+            raise self._make_error(f"display unit of {self.unit!r}: expected {choices}, got {self.display_unit!r}")
         for attribute in ("min", "max", "nominal"):
             value = getattr(self, attribute)
             if value is not None and (self.type in ("Boolean", "String") or not math.isfinite(value)):
@@ -170,7 +171,7 @@ def _make_ports(
             if isinstance(own.get(key), (list, tuple)):
                 if len(own[key]) != len(names):
                     raise ValueError(
-                        f"port {name}: {key} has {len(own[key])} values for {len(names)} components"
+                        f"port {name}: {key}: expected {len(names)} values, got {len(own[key])}"
                     )
                 own[key] = own[key][i]
         ports.append(Port(name, unit=unit, description=f"{description}, {suffix}", **own))
