@@ -122,7 +122,7 @@ _PROGRAMS = (
         "numerics",
         Part(
             (
-                *_place("numerics", "numerics", "sse2", "avx2", "avx512"),
+                *_place("numerics", "numerics", "sse2", "avx2", "avx512", "expm"),
                 *_place("mechanism", "equations", "mechanism"),
                 *_KERNEL,
             ),
