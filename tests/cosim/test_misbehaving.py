@@ -1,7 +1,7 @@
 """What the user sees of FMUs that misbehave, in processes of their own and inside that of the master.
 
-The FMU goes wrong in the step from 0.05 s on, so six rows are complete before, or in another call.  docs/long-runs.md
-has the same cases as a table.
+The FMU goes wrong in the step from 0.05 s on, so six rows are complete before, or in another call.
+docs/developers/master.md has the same cases as a table.
 """
 
 import json
@@ -16,7 +16,7 @@ from support import faulty
 from support.faulty.cases import ALL, HANG_IN_CALL, HANG_IN_STEP, INSIDE, ISOLATED, UNLIMITED
 
 DRIVE = Path(faulty.__file__).with_name("drive.py")
-DOCUMENT = Path(__file__).parents[2] / "docs" / "long-runs.md"
+DOCUMENT = Path(__file__).parents[2] / "docs" / "developers" / "master.md"
 
 
 @pytest.fixture(scope="module")

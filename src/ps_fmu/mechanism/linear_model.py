@@ -32,7 +32,7 @@ import numpy as np
 
 from .centre import Centre
 from .convection import convective_forces
-from .discretisation import find_scale, make_held_step_map, zero_order_hold
+from .discretisation import make_held_step_map, zero_order_hold
 from .dynamics import Dynamics, FlexibleSystem, Pose
 from .kinematics import Jacobians, KinematicsError, forward_kinematics, jacobians
 from .matrices import Nominal, Orientation, make_output_matrices, make_rate_matrices, turn_base
@@ -42,7 +42,6 @@ from .rotations import IDENTITY, GimbalLockError, rotation_from_vector
 from .signals import ADDED, N_INPUTS, TIME, count_states, servo_slices
 
 _ONE = slice(N_INPUTS - 1, N_INPUTS)
-_STEP = 0.05  # s, to the middle of a way
 _SHORT = 1e-4  # m, for differences
 
 
@@ -61,7 +60,6 @@ class PlantModel:
     convection: (n, 9) of :func:`.convection.convective_forces` with the speeds of the centre; None: it is at rest.
     tangent: A, B, C, D without ``curvature``.
     servo: see :mod:`.parameters`.
-    scale: (states,) for the discretisation, see :func:`.discretisation.zero_order_hold`.
     curvature: (states and outputs, 2) what is added to ``x'`` and ``y`` by the time from the centre and its square.
     """
 
@@ -71,7 +69,6 @@ class PlantModel:
     convection: Array | None
     tangent: Matrices
     servo: CoarseServo
-    scale: Array
     curvature: Array | None = None
 
     @property
@@ -93,9 +90,7 @@ class PlantModel:
 
     def curve(self, curvature: Array) -> PlantModel:
         """The same with another ``curvature``."""
-        return PlantModel(
-            self.centre, self.dynamics, self.rpy, self.convection, self.tangent, self.servo, self.scale, curvature
-        )
+        return PlantModel(self.centre, self.dynamics, self.rpy, self.convection, self.tangent, self.servo, curvature)
 
     def output_map(self) -> Array:
         """[C D]: outputs from state and input at the same instant."""
@@ -109,7 +104,7 @@ class PlantModel:
     def hold(self, h: float) -> Matrices:
         """Ad, Bd, C, D of a step of h (s): ``x(t + h) = Ad x(t) + Bd u(t)``, ``y(t + h) = C x(t + h) + D u(t)``."""
         A, B, C, D = self.matrices()
-        Ad, Bd = zero_order_hold(A, B, h, self.scale)
+        Ad, Bd = zero_order_hold(A, B, h)
         Bd[:, ADDED] = Bd[:, 0:3]  # they act as the other fine forces, to the last bit
         # Inputs are means over the step, the outputs those at its end.
         if self.curvature is not None:
@@ -268,14 +263,6 @@ class Plant:
         return _Linearised(self, centres, d, nominal.orientation.rpy, convection, (A, B, C, D), beside)
 
     @cached_property
-    def scale(self) -> Array:
-        """(states,) of its models, by the one about rest at the nominal pose: the same for all centres."""
-        geometry = self.manipulator.geometry
-        d = self.system.at(Pose(geometry.nominal_translation_B[None], np.eye(3)[None]))
-        A, _ = make_rate_matrices(d, Centre.stack([Centre.at_rest(np.zeros(3))]), None, self.servo)
-        return find_scale(A[0], _STEP)
-
-    @cached_property
     def _turns_P(self) -> Array:
         return self.system.find_turns(self.optics.truss_sensitivity)
 
@@ -331,9 +318,7 @@ class _Linearised(NamedTuple):
     def make_model(self, k: int) -> PlantModel:
         centre, plant = self.centres[k], self.plant
         forces = None if self.convection is None or not centre.speeds.any() else self.convection[k]
-        return PlantModel(
-            centre, self.dynamics[k], self.rpy[k], forces, self.get_matrices(k), plant.servo, plant.scale
-        )
+        return PlantModel(centre, self.dynamics[k], self.rpy[k], forces, self.get_matrices(k), plant.servo)
 
 
 def _list_mm(displacements: Array) -> str:

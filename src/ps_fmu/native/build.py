@@ -12,7 +12,7 @@ program         what it is
                 their messages; ``native.c``: what is done without Python; ``floats.c``: floating-point settings;
                 ``launcher.c``, ``status.c``: the functions of FMI 2.0; ``platform.h`` and the folders ``posix`` and
                 ``windows``: what differs between operating systems
-``numerics``    the arithmetic of :mod:`ps_fmu.numerics`, which FMUs carry
+``numerics``    the arithmetic of :mod:`ps_fmu.numerics`, and the mechanism in any motion, which FMUs carry
 ``loop``        the master's loop, and what guards it from FMUs in its process
 ``isolation``   what the master and the processes of isolated FMUs run
 ``reduction``   the reduction of recorded rows
@@ -121,7 +121,11 @@ _PROGRAMS = (
     Program(
         "numerics",
         Part(
-            (*_place("numerics", "numerics", "sse2", "avx2", "avx512"), *_KERNEL),
+            (
+                *_place("numerics", "numerics", "sse2", "avx2", "avx512", "expm"),
+                *_place("mechanism", "equations", "mechanism"),
+                *_KERNEL,
+            ),
             ("-O3", "-fno-math-errno", "-ffp-contract=off"),
         ),
         Part(libraries=("-lm",)),

@@ -235,6 +235,16 @@ class Coils(Kept):
     )
 
 
+class Discretisation(Structure):
+    """``Discretisation`` of expm.h."""
+
+    _fields_ = (
+        *((name, c_int64) for name in ("n", "m", "stride")), ("step", c_double),
+        *((name, c_void_p) for name in ("A", "B", "exponential", "held", "ramp", "room")),
+        *((name, c_int64) for name in ("stage", "column", "halvings", "doublings", "sweeps")), ("largest", c_double),
+    )  # fmt: skip
+
+
 class Arithmetic(Structure):
     """``Arithmetic`` of numerics.h: the functions, by name.  Each look-up makes a new object: keep it."""
 
@@ -260,6 +270,10 @@ def find_library() -> ctypes.CDLL:
     """The library.  Raises NotCompiledError."""
     library = load("numerics")
     library.numerics_find.argtypes, library.numerics_find.restype = (c_char_p,), POINTER(Arithmetic)
+    library.discretise_room.argtypes, library.discretise_room.restype = (c_int64,), c_int64
+    library.discretise.argtypes, library.discretise.restype = (POINTER(Discretisation), c_int64), c_int64
+    library.make_blocks.argtypes = (c_void_p, c_int64, c_int64, c_void_p, c_void_p)
+    library.make_blocks.restype = c_int64
     return library
 
 

@@ -1,6 +1,7 @@
 /* The functions of numerics.h for one set of INSTRUCTIONS, with ARITHMETIC as the name of their table.
 
    Every result is rounded after each operation and summed in one order: the same bits with any instructions. */
+#include "angles.h"
 #include "numerics.h"
 #include "../kernel/kernel.h"
 
@@ -17,8 +18,6 @@
 #define INLINE INSTRUCTIONS static inline __attribute__((always_inline))
 
 enum { PART = 64 /* numbers worked on together: they stay in the first cache; library.py, too */ };
-
-static const double ROUND = 6755399441055744.0; /* 1.5 * 2^52: a sum with it is rounded to a whole number */
 
 /* The nearest whole number of |x| < 2^51. */
 INLINE double round_to_whole(double x)

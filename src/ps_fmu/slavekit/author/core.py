@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...numerics.library import find_library
-from .blocks import Matrix
+from .blocks import MapWords, Matrix
 from .buffer import Array, BufferLayout, allocate_aligned
 from .instructions import Instruction, Kind, find_address, find_spans, write_words
 
@@ -61,15 +61,6 @@ Step = Callable[[], bool]
 result, in ``work``, or of an element; or an element has found that an event is due before the step: FOUND_DUE."""
 
 
-class MapWords(ctypes.Structure):
-    """The structure ``Map`` in ``native/kernel/core.h``."""
-
-    _fields_ = (
-        ("source", c_void_p), ("target", c_void_p), ("work", c_void_p), ("n_target", c_int64), ("n_blocks", c_int64),
-        ("blocks", c_void_p), ("columns", c_void_p), ("numbers", c_void_p),
-    )  # fmt: skip
-
-
 @dataclass(frozen=True, eq=False)
 class Map:
     """``target <- matrix @ source``; both are views of the buffer."""
@@ -88,11 +79,10 @@ class Map:
 
     def write_words(self) -> MapWords:
         """For the kernel; the arrays have to be kept as long."""
-        matrix, pattern = self.matrix, self.matrix.pattern
-        return MapWords(
-            *map(find_address, (self.source, self.target, self.work)), self.target.size, len(pattern.words),
-            *pattern.addresses, find_address(matrix.numbers),
-        )  # fmt: skip
+        matrix = self.matrix
+        source, target, work = (find_address(array) for array in (self.source, self.target, self.work))
+        parts = [find_address(array) for array in (matrix.blocks, matrix.columns, matrix.numbers)]
+        return MapWords(source, target, work, self.target.size, len(matrix.blocks), *parts)
 
 
 class Core(ctypes.Structure):

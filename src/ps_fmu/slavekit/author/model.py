@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import ClassVar
 
+import numpy as np
 from pythonfmu.fmi2slave import Fmi2Slave
 
 from .ahead import RowParts
@@ -15,6 +16,9 @@ from .buffer import Array
 from .elements import Element
 from .terminals import Terminal
 from .variables import Port
+
+Matrices = tuple[Array, Array, Array, Array]
+"""A, B, C, D of a linear system."""
 
 
 class Model(Fmi2Slave):
@@ -78,7 +82,16 @@ class Model(Fmi2Slave):
     def output_map(self) -> Array | None:
         """Return the map from [x; u; a] to the outputs, (ny, nx + nu + na); None: ``configure`` sets y itself.
 
-        May have fewer columns: the last operands are then not used.
+        May have fewer columns: the last operands are then not used.  By default, that of :meth:`continuous`.
+        """
+        matrices = self.continuous()
+        return None if matrices is None else np.hstack(matrices[2:])
+
+    def continuous(self) -> Matrices | None:
+        """Return A, B, C, D of ``x' = A x + B [u; a]``, ``y = C x + D [u; a]``; None: ``step_map`` is used instead.
+
+        Shapes (nx, nx), (nx, nu + na), (ny, nx), (ny, nu + na).  Inputs are held over a step, whose map is made without
+        Python for whatever size the host asks for; the class then has ``any_step``.
         """
         return None
 

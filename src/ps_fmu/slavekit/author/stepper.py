@@ -10,10 +10,12 @@ import numpy as np
 
 from .blocks import make_blocks, store_by_columns
 from .buffer import Array
+from .continuous import hold_inputs
 from .core import FOUND_DUE, MESSAGE_NONE, MESSAGE_REFUSAL, MESSAGE_WARNING, Elements, Map, OutputLimits, Step
 from .elements import Element, StepMap, compile_elements, find_full_delay
 from .far import blame
 from .guard import ModelError, Refused, report
+from .model import Matrices
 from .state import Derived, LifePhase, SlaveClock, SlaveState
 from .tables import Tables
 
@@ -265,8 +267,13 @@ class Stepper(Tables):
         for found in self._maps:
             if found.step == h:
                 return found
-        maps = () if self._has_rows_alone() else self._make_maps(h)
-        elements = self._compile_elements(self.before_map(h), self.after_map(h))
+        before, matrices = self.before_map(h), self.continuous()
+        if matrices is None:
+            maps = () if self._has_rows_alone() else self._make_maps(h)
+        else:
+            maps, held = self._make_continuous_maps(matrices)
+            before = [*before, *held]
+        elements = self._compile_elements(before, self.after_map(h))
         if len(self._maps) >= _MOST_MAPS:
             del self._maps[0]
         self._maps.append(StepMap(h, maps, elements))
@@ -285,6 +292,20 @@ class Stepper(Tables):
             self._make_map("split_map (states)", split[0], self.x),
             self._make_map("split_map (outputs)", split[1], self.y),
         )
+
+    def _make_continuous_maps(self, matrices: Matrices) -> tuple[tuple[Map, ...], list[Element]]:
+        """The maps of states and outputs, and the element that renews the first for another size of steps."""
+        A, B, C, D = (np.asarray(matrix, dtype=np.float64) for matrix in matrices)
+        n, m = self.n_states, self._source.size - self.n_states
+        shapes = (n, n), (n, m), (self.y.size, n), (self.y.size, m)
+        for name, matrix, shape in zip("ABCD", (A, B, C, D), shapes, strict=True):
+            if matrix.shape != shape:
+                raise ValueError(f"{type(self).__name__}.continuous: {name} has shape {matrix.shape}; expected {shape}")
+        outputs = self._make_map("continuous (C, D)", np.hstack([C, D]), self.y)
+        if not n:
+            return (outputs,), []
+        states = self._make_map("continuous (A, B)", np.hstack([A, B]), self.x)
+        return (states, outputs), [hold_inputs(A, B, self._source, self.x)]
 
     def _make_map(self, what: str, matrix: Array, target: Array) -> Map:
         by_columns = store_by_columns(self._check_matrix(what, matrix, target.size))
@@ -306,9 +327,9 @@ class Stepper(Tables):
         shape = (rows, self._source.size)
         given = np.asarray(matrix, dtype=np.float64)
         if given.ndim != 2 or len(given) != rows or given.shape[1] > shape[1]:
-            raise ValueError(f"{type(self).__name__}.{what} has shape {given.shape}; expected {shape}")
+            raise ValueError(f"{type(self).__name__}.{what} is of shape {given.shape}; expected {shape}")
         if not np.isfinite(given).all():
-            raise ModelError(f"{type(self).__name__}.{what} has elements that are not finite")
+            raise ModelError(f"{type(self).__name__}.{what} contains numbers that are not finite")
         return given
 
     def _compute_limits(self) -> OutputLimits | None:
