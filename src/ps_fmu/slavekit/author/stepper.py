@@ -8,14 +8,13 @@ from math import inf, isfinite, ulp
 
 import numpy as np
 
-from .blocks import make_blocks, store_by_columns
+from .blocks import Matrices, make_blocks, store_by_columns
 from .buffer import Array
 from .continuous import hold_inputs
 from .core import FOUND_DUE, MESSAGE_NONE, MESSAGE_REFUSAL, MESSAGE_WARNING, Elements, Map, OutputLimits, Step
 from .elements import Element, StepMap, compile_elements, find_full_delay
 from .far import blame
 from .guard import ModelError, Refused, report
-from .model import Matrices
 from .state import Derived, LifePhase, SlaveClock, SlaveState
 from .tables import Tables
 
@@ -54,6 +53,7 @@ class Stepper(Tables):
     def remap(self) -> None:
         """The map is out of date (new pose, new parameter): ask ``step_map`` again before the next step."""
         self._maps.clear()
+        self._core.linear_holds = False
         self._derived = object()
         self._renew()
 
