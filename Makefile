@@ -71,7 +71,7 @@ multibody: .venv/.installed  ## the plant against an independent multibody proto
 verify: fmus  ## the tests that hold a claim of the product; writes docs/verification.md of what they found
 	$(BIN)/python docs/write_verification.py $(or $(ARGS),-n auto)
 
-bench: fmus  ## what things cost, on a quiet machine; writes docs/speed.md, fails if a limit is missed
+bench: fmus  ## what things cost, on a quiet machine; writes docs/developers/speed.md, fails if a limit is missed
 	@missed=0; for script in step_cost start scaling study features real_time; do \
 		echo "--- $$script"; $(BIN)/python benchmarks/$$script.py $(or $(ARGS),--record) || missed=1; \
 	done; $(BIN)/python docs/write_speed.py && exit $$missed

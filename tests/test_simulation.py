@@ -337,7 +337,7 @@ def test_a_single_pattern_is_not_taken_for_many(taken):
         ({"parameter_files": ["none.ssv"]}, OptionError, "--parameters: there is no file none.ssv"),
         ({"step_timeout": 5.0}, OptionError, "--step-timeout: only FMUs with processes of their own"),
         ({"isolate": True, "step_timeout": -1.0}, OptionError, "--step-timeout: expected a time above 0 s"),
-        ({"isolate": ["plnt"]}, CosimError, "there is no component 'plnt'; the system has"),
+        ({"isolate": ["plnt"]}, CosimError, "there is no component 'plnt'; expected one of"),
         ({"disturbance": "none.csv"}, OptionError, "--disturbance: there is no file none.csv"),
         ({"system": "none.ssd"}, CosimError, "none.ssd: there is no system description"),
     ],

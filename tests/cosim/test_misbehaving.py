@@ -1,7 +1,7 @@
 """What the user sees of FMUs that misbehave, in processes of their own and inside that of the master.
 
-The FMU goes wrong in the step from 0.05 s on, so six rows are complete before, or in another call.  docs/developers/master.md
-has the same cases as a table.
+The FMU goes wrong in the step from 0.05 s on, so six rows are complete before, or in another call.
+docs/developers/master.md has the same cases as a table.
 """
 
 import json

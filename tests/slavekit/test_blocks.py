@@ -157,7 +157,7 @@ def test_a_split_map_makes_the_same_step():
 
 
 def test_a_split_map_of_the_wrong_shape_is_named():
-    with pytest.raises(ValueError, match=r"Split\.split_map \(outputs\) has shape \(2, 2\); expected \(1, 2\)"):
+    with pytest.raises(ValueError, match=r"Split\.split_map \(outputs\) is of shape \(2, 2\); expected \(1, 2\)"):
         begin(Split, fault=1.0).do_step(0.0, 0.1)
 
 

@@ -236,7 +236,7 @@ def test_a_missing_project_file_is_noticed(tmp_path, monkeypatch):
                 "from ps_fmu.slavekit.author.terminals import Terminal\n\n\n"
                 'class Waves(Slave):\n    terminals = (Terminal("t", ("torque",), ""),)\n',
             ),
-            "Waves has no variable 'torque'",
+            "there is no variable 'torque'",
         ),
     ],
 )

@@ -291,7 +291,7 @@ def test_a_row_that_is_not_finite_is_refused_at_its_step():
     assert run(slave, 99) == [[k * H] for k in range(1, 100)]
     for _ in range(2):
         before = slave._fmu_state_to_bytes(slave._get_fmu_state())
-        with pytest.raises(ModelError, match=r"t = 0\.99 s refused: Broken\.rows has elements that are not finite"):
+        with pytest.raises(ModelError, match=r"t = 0\.99 s refused: Broken\.rows contains numbers that are not finite"):
             slave.do_step(slave.time, H)
         assert slave._fmu_state_to_bytes(slave._get_fmu_state()) == before
 

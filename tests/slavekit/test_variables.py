@@ -24,7 +24,7 @@ def test_vector_and_numbered_names():
         ("leg_1", 1.0, 0, "Length, 1"),
         ("leg_2", 2.0, 0, "Length, 2"),
     ]
-    with pytest.raises(ValueError, match="leg_1: start has 3 values for 2 components"):
+    with pytest.raises(ValueError, match="leg_1: start: expected 2 values, got 3"):
         numbered("leg", 2, "m", "Length", causality="parameter", start=(1.0, 2.0, 3.0))
 
 

@@ -17,7 +17,8 @@ from ps_fmu.disturbance import psd_at_origin
 from ps_fmu.disturbance.noise import SpectrumTable
 from ps_fmu.disturbance.recording import HEADER
 from ps_fmu.disturbance.spectrum import gaussian_density, to_origin
-from ps_fmu.interface.linear_system import SOURCE, Circuit, LinearModelError, read_model
+from ps_fmu.interface.linear_system import Circuit
+from ps_fmu.interface.system_model import SOURCE, LinearModelError, read_model
 from ps_fmu.pointing import AbsoluteError, RelativeError
 from ps_fmu.pointing.budget import UncertaintyFactors, make_budget
 from ps_fmu.theory.sampled import from_wrench_stepped

@@ -56,7 +56,7 @@ _WARNING, _FATAL = 1, 4  # fmi2Status
 ALIVE, KILLED, EXITED, HANGS, INTERRUPTED = range(5)  # Fate of client.h
 _OF_PYTHON = "PyGILState_Ensure", "PyGILState_Release", "PyErr_CheckSignals", "PyErr_Clear"  # Python of client.h
 CHANGES = {
-    1: "changed the rounding of floating-point numbers, so that its results are not those of any other tool",
+    1: "changed the rounding of floating-point numbers, which changes its results",
     2: "closed file descriptors that belong to its host",
 }
 """What an FMU may not do, by Change of channel.h."""

@@ -138,7 +138,7 @@ class Recorder:
 
     def _take(self, first_index: int, time: Array, values: Array) -> None:
         if self._dataset is None:
-            raise RecorderError(f"{self.path}: is closed; nothing can be recorded any longer")
+            raise RecorderError(f"{self.path}: is closed: record all rows before")
         if len(values) == 0:
             return
         try:
@@ -205,7 +205,7 @@ class Recorder:
         self._dataset = netCDF4.Dataset(self.path, "a" if append else "w", format="NETCDF4")
         self._dataset.Conventions = CONVENTIONS
         if run in self._dataset.groups:
-            raise UsageError(f"{self.path}: has a run {run!r} already")
+            raise UsageError(f"{self.path}: there is a run {run!r} already: choose another name")
         group = self._dataset.createGroup(run)
         group.setncatts(dict(attributes))
         group.createDimension("time", None)
@@ -289,8 +289,8 @@ class Recorder:
             self._release()
             raise RecorderError(
                 f"{self.path}: {reason}: {needed / 1e6:.1f} MB needed, {min(free, limit) / 1e6:.1f} MB free. "
-                f"The {self._written} rows stored so far can be read; free space, or record fewer columns or "
-                "with a larger storage step"
+                f"{self._written} rows are stored.\n"
+                "  Free some space, record fewer columns, or choose a larger storage step."
             )
 
     @contextmanager
@@ -304,7 +304,7 @@ class Recorder:
             free = shutil.disk_usage(self.path.absolute().parent).free if self.path.parent.exists() else 0
             raise RecorderError(
                 f"{self.path}: cannot be written: {error} ({free / 1e6:.1f} MB free on the disk). "
-                f"{self._written} rows were stored before"
+                f"{self._written} rows are stored."
             ) from error
         except UsageError:
             self._release()

@@ -73,8 +73,10 @@ typedef struct EquationsPlace {
     double base_rotation[3];
 } EquationsPlace;
 
-/* Lengths of the legs and J_lp, eq (6). From p (194), z (81): lengths (6), J_lp (36). */
-void equations_legs(const double *p, const double *z, double *restrict lengths, double *restrict J_lp);
+/* Lengths of the legs, J_lp of eq (6), and its inverse by blocks, which divides by the determinant ``divisor``.
+   From p (194), z (81): lengths (6), J_lp (36), J_pl (36), divisor (1). */
+void equations_legs(const double *p, const double *z, double *restrict lengths, double *restrict J_lp, double
+    *restrict J_pl, double *restrict divisor);
 
 /* All accelerations, and what else :func:`derive_change` needs. From p (194), z (81), J_pl (36), mask (12):
    accelerations (12), body (6), spin (6), reaction (6), kept (18), to_platform (72), lower (66), divisors (12),

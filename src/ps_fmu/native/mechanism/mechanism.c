@@ -7,6 +7,7 @@
 enum { FINE = 0, SHIFT = 3, TURN = 6, MODES = 9 };
 enum { MOST_STEPS = 20 };
 static const double LARGEST_CONDITION = 1e6, TOLERANCE = 1e-14, ROUNDING = 2e-16; /* 1, m, m */
+static const double FAR = 1e-2;
 
 /* Places in the state. */
 typedef struct {
@@ -90,22 +91,24 @@ static int64_t invert6(double a[36], double inverse[36])
 
 static int64_t find_legs(const Mechanism *m, const double *t, const double *R, double lengths[6], double J_pl[36])
 {
-    double place[12], J_lp[36], square = 0.0, inverse = 0.0;
+    double place[12], J_lp[36], divisor, square = 0.0, inverse = 0.0;
     memcpy(place, t, 3 * sizeof *t);
     memcpy(place + 3, R, 9 * sizeof *R);
-    equations_legs((const double *)&m->rigid, place, lengths, J_lp);
+    equations_legs((const double *)&m->rigid, place, lengths, J_lp, J_pl, &divisor);
     for (int i = 0; i < 6; i++)
         for (int k = 0; k < 6; k++) {
-            double scaled = k < 3 ? J_lp[6 * i + k] : J_lp[6 * i + k] / m->radius;
+            double scaled = k < 3 ? m->radius * J_lp[6 * i + k] : J_lp[6 * i + k];
             square += scaled * scaled;
         }
-    if (!invert6(J_lp, J_pl))
+    /* By blocks where the directions of the coarse legs are far from one plane. */
+    if (!(fabs(divisor) > FAR) && !invert6(J_lp, J_pl))
         return 0;
     for (int i = 0; i < 36; i++) {
-        double scaled = i < 18 ? J_pl[i] : J_pl[i] * m->radius;
+        double scaled = i < 18 ? J_pl[i] : m->radius * J_pl[i];
         inverse += scaled * scaled;
     }
-    return square * inverse <= 36.0 * LARGEST_CONDITION * LARGEST_CONDITION;
+    double radius = m->radius;
+    return square * inverse <= 36.0 * LARGEST_CONDITION * LARGEST_CONDITION * radius * radius;
 }
 
 EXPORT int64_t mechanism_invert(const Mechanism *m, const double t[3], const double R[9], double J_pl[36])

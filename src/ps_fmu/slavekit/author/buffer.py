@@ -129,7 +129,7 @@ class BufferLayout:
                 if name == names or (name.startswith(names) and _ONE_LEVEL.fullmatch(name, len(names)))
             ]
             if not found:
-                raise KeyError(f"{self.model} has no variable {names!r}, {names}.* or {names}_1 ...")
+                raise KeyError(f"there is no variable {names!r}, {names}.* or {names}_1 ... in {self.model}")
         else:
             found = list(names)
         references = [self.find(name) for name in found]
@@ -150,7 +150,7 @@ class BufferLayout:
         try:
             return self.reference[name]
         except KeyError:
-            raise KeyError(f"{self.model} has no variable {name!r}") from None
+            raise KeyError(f"there is no variable {name!r} in {self.model}") from None
 
 
 def allocate_aligned(*shape: int) -> Array:

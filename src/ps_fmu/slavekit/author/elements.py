@@ -146,9 +146,9 @@ class Linear(Element):
         target, source = find.targets("target", self.target), find.places("source", self.source)
         matrix = np.asarray(self.matrix, dtype=np.float64)
         if matrix.shape != (target.size, source.size):
-            raise ValueError(f"matrix has shape {matrix.shape}; expected {(target.size, source.size)}")
+            raise ValueError(f"matrix is of shape {matrix.shape}; expected {(target.size, source.size)}")
         if not np.isfinite(matrix).all():
-            raise ValueError("matrix has elements that are not finite")
+            raise ValueError("matrix contains numbers that are not finite")
         entries = max(int(np.count_nonzero(matrix, axis=1).max()), 1)
         if target.size * entries <= _SPARSE * source.size:
             return _instruct_sparse(target, source, matrix, entries)

@@ -53,19 +53,19 @@ class Slave(Stepper):
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
         if "__init__" in cls.__dict__:
-            raise TypeError(f"{cls.__name__}: no __init__ please; what a model needs is made in configure()")
+            raise TypeError(f"{cls.__name__}: expected no __init__: make what the model needs in configure()")
         if cls.block_rows and cls.n_states and not cls.n_row:
             raise TypeError(
-                f"{cls.__name__}: n_states = {cls.n_states}, but with block_rows and no n_row there are no states"
+                f"{cls.__name__}: n_states = {cls.n_states}: expected 0 with block_rows and without n_row"
             )
         cls.any_step = cls.any_step or cls.continuous is not Model.continuous
         if cls.any_step and cls.block_rows:
             raise TypeError(f"{cls.__name__}: any_step, but rows of tables belong to one size of steps: block_rows = 0")
         if cls.n_row and not cls.block_rows:
-            raise TypeError(f"{cls.__name__}: n_row = {cls.n_row}, but there are no tables: set block_rows")
+            raise TypeError(f"{cls.__name__}: n_row = {cls.n_row} needs tables: set block_rows")
         flags = {port.name for port in cls.ports if port.causality == "output" and port.type == "Boolean"}
         if cls.limit_flag and cls.limit_flag not in flags:
-            raise TypeError(f"{cls.__name__}: limit_flag = {cls.limit_flag!r} is no Boolean output")
+            raise TypeError(f"{cls.__name__}: limit_flag: expected a Boolean output, got {cls.limit_flag!r}")
         protect(cls, _CALLED_BY_HOSTS, ("_fmu_state_to_bytes", "_fmu_state_from_bytes"))
         cls.instances = WeakSet()
         cls.layout = BufferLayout(
@@ -191,7 +191,7 @@ class Slave(Stepper):
         rows, step = state.clock.rows, state.clock.step
         most = self._limit_rows(rows, step) if rows and self.block_rows else self.block_rows
         if rows > most:
-            raise Refused(f"the FMU state has a table of {rows} rows; at most {most} fit, of steps of {step:g} s")
+            raise Refused(f"the FMU state contains {rows} rows: expected at most {most}, of steps of {step:g} s")
         return state
 
     def _put_state(self, state: SlaveState, derived: Derived | None) -> None:

@@ -327,9 +327,9 @@ class Stepper(Tables):
         shape = (rows, self._source.size)
         given = np.asarray(matrix, dtype=np.float64)
         if given.ndim != 2 or len(given) != rows or given.shape[1] > shape[1]:
-            raise ValueError(f"{type(self).__name__}.{what} has shape {given.shape}; expected {shape}")
+            raise ValueError(f"{type(self).__name__}.{what} is of shape {given.shape}; expected {shape}")
         if not np.isfinite(given).all():
-            raise ModelError(f"{type(self).__name__}.{what} has elements that are not finite")
+            raise ModelError(f"{type(self).__name__}.{what} contains numbers that are not finite")
         return given
 
     def _compute_limits(self) -> OutputLimits | None:

@@ -119,7 +119,7 @@ class Tables(Values):
         table = np.ascontiguousarray(rows, dtype=np.float64)
         expected = (n, self._table.shape[1])
         if table.shape != expected:
-            raise ValueError(f"{type(self).__name__}.rows has shape {table.shape}; expected {expected}")
+            raise ValueError(f"{type(self).__name__}.rows is of shape {table.shape}; expected {expected}")
         return table
 
     def _check_row(self) -> None:
@@ -130,7 +130,7 @@ class Tables(Values):
 
     def _check_finite_rows(self, rows: Array) -> None:
         if not np.isfinite(rows).all():
-            raise ModelError(f"{type(self).__name__}.rows has elements that are not finite")
+            raise ModelError(f"{type(self).__name__}.rows contains numbers that are not finite")
 
     def _put_table(self, table: Array, block: int) -> None:
         """Go on with a table that begins at count ``block``."""

@@ -66,7 +66,7 @@ class Port:
                 f"port {self.name!r}: expected identifiers joined by dots, such as 'base_force.x'"
             )
         if self.causality not in ("input", "output", "parameter", "local"):
-            raise self._make_error(f"causality {self.causality!r} is none of input, output, parameter")
+            raise self._make_error(f"causality: expected input, output or parameter, got {self.causality!r}")
         if self.causality != "output" and (self.depends_on or self.initially_depends_on is not None):
             raise self._make_error("only outputs have dependencies")
         if self.causality != "input" and self.event:
@@ -89,11 +89,11 @@ class Port:
             except ValueError as error:
                 raise self._make_error(str(error)) from None
         elif self.unit != "1" or self.nominal is not None:
-            raise self._make_error(f"a {self.type} has neither unit nor nominal value")
+            raise self._make_error(f"expected neither unit nor nominal value for a {self.type}")
         known = DISPLAY_UNITS.get(self.unit, {})
         if self.display_unit is not None and self.display_unit not in known:
             choices = ", ".join(known) or "(there are none)"
-            raise self._make_error(f"display unit {self.display_unit!r} of {self.unit!r} is none of {choices}")
+            raise self._make_error(f"display unit of {self.unit!r}: expected {choices}, got {self.display_unit!r}")
         for attribute in ("min", "max", "nominal"):
             value = getattr(self, attribute)
             if value is not None and (self.type in ("Boolean", "String") or not math.isfinite(value)):
@@ -172,7 +172,7 @@ def _make_ports(
             if isinstance(own.get(key), (list, tuple)):
                 if len(own[key]) != len(names):
                     raise ValueError(
-                        f"port {name}: {key} has {len(own[key])} values for {len(names)} components"
+                        f"port {name}: {key}: expected {len(names)} values, got {len(own[key])}"
                     )
                 own[key] = own[key][i]
         ports.append(Port(name, unit=unit, description=f"{description}, {suffix}", **own))
