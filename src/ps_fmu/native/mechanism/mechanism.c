@@ -345,6 +345,36 @@ static void solve(const Point *p, const double right[12], double found[12])
     }
 }
 
+EXPORT void mechanism_accelerate(const Mechanism *m, const Point *p, const double *du, double *d_rates)
+{
+    const double still[MECHANISM_STATES] = {0.0}, *R = p->motion.rotation, *t = p->motion.translation;
+    double wrench[6], moment[3], right[12], found[12], body[6], spin[6] = {0.0}, y[MECHANISM_OUTPUTS];
+    EquationsMotion dz;
+    gather(m, still, du, &dz);
+    const double *given = dz.given;
+    for (int i = 0; i < 3; i++) {
+        wrench[i] = R[3 * i] * dz.payload_wrench[0] + R[3 * i + 1] * dz.payload_wrench[1] + R[3 * i + 2] * dz.payload_wrench[2];
+        wrench[3 + i] =
+            R[3 * i] * dz.payload_wrench[3] + R[3 * i + 1] * dz.payload_wrench[4] + R[3 * i + 2] * dz.payload_wrench[5];
+    }
+    cross(t, wrench, moment);
+    for (int i = 0; i < 6; i++) {
+        right[i] = dz.leg_force[i];
+        for (int k = 0; k < 6; k++)
+            right[i] += p->J_pl[6 * k + i] * wrench[k];
+        right[6 + i] = dz.base_wrench[i] + wrench[i] + (i < 3 ? 0.0 : moment[i - 3]);
+    }
+    for (int i = 0; i < 12; i++)
+        for (int k = 0; k < 6; k++)
+            right[i] -= p->base_rows[12 * k + i] * given[6 + k];
+    solve(p, right, found);
+    for (int i = 0; i < 12; i++)
+        found[i] += given[i];
+    for (int i = 0; i < 6; i++)
+        body[i] = dot6(p->to_platform + 12 * i, found) + dot6(p->to_platform + 12 * i + 6, found + 6);
+    spread(m, still, du, given, found, body, spin, d_rates, y);
+}
+
 EXPORT void mechanism_differentiate(const Mechanism *m, const Point *p, const double *dx, const double du[MECHANISM_INPUTS],
                                     double *d_rates, double d_outputs[MECHANISM_OUTPUTS], double d_reaction[6])
 {

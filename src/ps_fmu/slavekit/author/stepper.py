@@ -94,9 +94,7 @@ class Stepper(Tables):
             else:
                 self._step_carefully(current_time, step_size)
             core.python_steps += 1
-            if core.message_status == MESSAGE_WARNING:
-                core.message_status = MESSAGE_NONE
-                self.warning(self._read_message())
+            self._pass_warning()
             return True
         except (ModelError, Refused) as error:
             error.args = (f"step from t = {core.time:.9g} s refused: {error}",)
@@ -190,6 +188,12 @@ class Stepper(Tables):
     def _read_message(self) -> str:
         """What an element has to say of the step."""
         return self._core.message.decode("utf-8", "replace")
+
+    def _pass_warning(self) -> None:
+        """Send the host the warning that an element has left."""
+        if self._core.message_status == MESSAGE_WARNING:
+            self._core.message_status = MESSAGE_NONE
+            self.warning(self._read_message())
 
     @abstractmethod
     def warning(self, text: str) -> None:
