@@ -332,7 +332,7 @@ def test_a_single_pattern_is_not_taken_for_many(taken):
         ({"scenario": "dance"}, OptionError, r"there is no scenario 'dance' \(there are isolation"),
         ({"duration": -1}, OptionError, "--duration: expected a time above 0 s"),
         ({"parameters": {"plant.payload.mass": None}}, OptionError, "plant.payload.mass: expected a number"),
-        ({"parameters": {"plant.payload.weight": 1.0}}, CosimError, r"plant.payload.weight \(parameters.ssv\): there is no"),
+        ({"parameters": {"plant.payload.weight": 1.0}}, CosimError, r"plant.payload.weight \(parameters.ssv\): there"),
         ({"parameters": {"plant.payload.mass": float("nan")}}, CosimError, "expected a finite number"),
         ({"parameter_files": ["none.ssv"]}, OptionError, "--parameters: there is no file none.ssv"),
         ({"step_timeout": 5.0}, OptionError, "--step-timeout: needs --isolate"),
