@@ -17,6 +17,8 @@ from pathlib import Path
 from types import FrameType
 from typing import Any, TextIO
 
+from .child_processes import collect_rarely
+
 PATIENCE = 3
 """Ctrl-C so many times ends what must not be left half done."""
 
@@ -38,7 +40,8 @@ def run_command(command: Callable[[], int]) -> int:
     terminate = _treat_like_ctrl_c()
     try:
         try:
-            code = command()
+            with collect_rarely():
+                code = command()
         except SystemExit as ended:
             code = _get_code(ended)
         output.flush()

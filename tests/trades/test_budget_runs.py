@@ -11,7 +11,8 @@ from support.claims import verify_claim
 
 from ps_fmu.cosim import Master, read_parameters, read_system
 from ps_fmu.disturbance.recording import HEADER
-from ps_fmu.interface.linear_system import Circuit, read_model
+from ps_fmu.interface.linear_system import Circuit
+from ps_fmu.interface.system_model import read_model
 from ps_fmu.pointing import AbsoluteError, RelativeError
 from ps_fmu.pointing.budget import make_budget
 from ps_fmu.results.observers.sampler import SampleObserver
@@ -24,7 +25,8 @@ SETTLING, PERIOD = 4.0, 10.0  # s
 SEED = 5
 INDEX = RelativeError(1.0, "uniform")
 SIGNALS = tuple(f"payload_rotation.{axis}" for axis in "xyz")
-#: Levels at which each source matters.  Much damping and a high corner: a record of 10 s has many independent samples.
+#: Levels at which each source matters.  Much damping and a high-pass of a high frequency: 10 s have many independent
+#: samples.
 VALUES = {
     **dict(read_parameters(SYSTEM / "parameters" / "large_damping.ssv")),
     "isolator.filters.highpass_frequency": 1.0,  # Hz

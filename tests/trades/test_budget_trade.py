@@ -17,7 +17,8 @@ from ps_fmu.disturbance import psd_at_origin
 from ps_fmu.disturbance.noise import SpectrumTable
 from ps_fmu.disturbance.recording import HEADER
 from ps_fmu.disturbance.spectrum import gaussian_density, to_origin
-from ps_fmu.interface.linear_system import SOURCE, Circuit, LinearModelError, read_model
+from ps_fmu.interface.linear_system import Circuit
+from ps_fmu.interface.system_model import SOURCE, LinearModelError, read_model
 from ps_fmu.pointing import AbsoluteError, RelativeError
 from ps_fmu.pointing.budget import UncertaintyFactors, make_budget
 from ps_fmu.theory.sampled import from_wrench_stepped
@@ -72,7 +73,7 @@ def test_all_budgets_add_up(found):
 
 
 def test_the_answers(found):
-    """Of the default system and of the instrument, whose corner leaves what it does not measure."""
+    """Of the default system and of the instrument, whose high-pass leaves what it does not measure."""
     entries = {(e["system"], e["case"], e["requirement"], e["signal"]): e for e in found[1]}
     x = "plant.payload_rotation.x"
     ideal = entries["SystemStructure", "active", "blur of an exposure", x]

@@ -100,13 +100,14 @@ class Leg:
         self.arm = z["rotation"] @ p["platform_joint"][i, :].T
         vector = z["translation"] + self.arm - self.base
         self.length = ca.sqrt(dot(vector, vector))
-        self.n = vector / self.length
+        self.inverse = 1 / self.length
+        self.n = vector * self.inverse
         self.upper, self.lower, self.first_u, self.first_l, self.second = (p["leg"][i, k] for k in range(5))
-        turning = self.second / self.length**2
+        turning = self.second * self.inverse * self.inverse
         # Of accelerations of its ends, what is at right angles to the leg counts more than their masses.
-        self.uu = turning - 2 * self.first_u / self.length
-        self.ul = (self.first_u + self.first_l) / self.length - turning
-        self.ll = turning - 2 * self.first_l / self.length
+        self.uu = turning - 2 * self.first_u * self.inverse
+        self.ul = (self.first_u + self.first_l) * self.inverse - turning
+        self.ll = turning - 2 * self.first_l * self.inverse
         self.on_platform = ca.vertcat(self.n, cross(self.arm, self.n))
         self.on_base = ca.vertcat(self.n, cross(self.base, self.n))
 
@@ -194,14 +195,14 @@ class Inverse:
             leg = Leg(p, z, i)
             velocity, centripetal = moving + cross(spinning, leg.arm), cross(spinning, cross(spinning, leg.arm))
             rate = dot(leg.n, velocity)
-            swing = (velocity - leg.n * rate) / leg.length
+            swing = (velocity - leg.n * rate) * leg.inverse
             bend = dot(leg.n, centripetal) + leg.length * dot(swing, swing)
             rates_left.append(z["rate"][i] - rate)
             relative_left.append(legs[i] - bend - dot(leg.on_platform, relative))
             swing += cross(w, leg.n)  # in inertial space
-            apart = 2 * z["rate"][i] * swing / leg.length
+            apart = 2 * z["rate"][i] * leg.inverse * swing
             inward = apart + leg.n * dot(swing, swing)
-            pull = leg.second / leg.length * apart
+            pull = leg.second * leg.inverse * apart
             upper = A + cross(dW, leg.arm) + cross(W, cross(W, leg.arm))
             lower = linear + cross(angular, leg.base) + cross(w, cross(w, leg.base))
             force_u, force_l = leg.find_ends(upper, lower)
@@ -216,11 +217,12 @@ class Inverse:
 
 
 def find_mass(p: dict[str, SX], z: dict[str, SX], J_pl: SX, payload: Body, bus: Body) -> tuple[SX, SX, SX]:
-    """(12, 12) mass of legs' lengths and base; (6, 12) to accelerations of P, in P; (6, 6) of base, legs and payload."""
+    """(12, 12) mass of legs' lengths and base; (6, 12) to accelerations of P, in P; (6, 6) of all but the bus."""
     t, R = z["translation"], z["rotation"]
     legs = [Leg(p, z, i) for i in range(6)]
     turn = ca.diagcat(R, R)
-    pp, pb, bb = turn @ payload.matrix @ turn.T, SX.zeros(6, 6), SX.zeros(6, 6)
+    own = turn @ payload.matrix @ turn.T
+    pp, pb, bb = mirror(own), SX.zeros(6, 6), SX.zeros(6, 6)
 
     def two_points(weight: SX, a: SX, b: SX) -> SX:
         return weight * ca.vertcat(
@@ -238,8 +240,15 @@ def find_mass(p: dict[str, SX], z: dict[str, SX], J_pl: SX, payload: Body, bus: 
     of_legs = J_pl.T @ pp @ J_pl - ca.diag(along[0])
     with_base = J_pl.T @ (pp @ T + pb) - ca.diag(along[0] + along[1]) @ J_lb
     locked = T.T @ pp @ T + T.T @ pb + pb.T @ T + bb
-    M = ca.vertcat(ca.horzcat(of_legs, with_base), ca.horzcat(with_base.T, locked + bus.matrix))
+    locked = mirror(locked)
+    M = ca.vertcat(ca.horzcat(mirror(of_legs), with_base), ca.horzcat(with_base.T, locked + bus.matrix))
     return M, turn.T @ ca.horzcat(J_pl, T), locked
+
+
+def mirror(matrix: SX) -> SX:
+    """A symmetric matrix by what is on and below its diagonal, so that nothing is found twice."""
+    lower = ca.tril(ca.densify(matrix))
+    return lower + ca.tril(lower, False).T
 
 
 def eliminate(M: SX, right: SX, mask: SX) -> tuple[SX, SX, SX]:
@@ -296,7 +305,7 @@ def flat(matrix: SX) -> SX:
 
 
 def derive_accelerations() -> ca.Function:
-    """All accelerations, and what else :func:`derive_change` needs."""
+    """All accelerations, and what their derivatives take."""
     p, z, J, P, Z = make_symbols()
     mask = SX.sym("mask", 12)
     J_pl, given = square(J), Z["given"]
@@ -320,7 +329,7 @@ def derive_accelerations() -> ca.Function:
 
 
 def derive_change() -> ca.Function:
-    """Derivative of the residual along a direction ``dz`` of :data:`MOTION`, accelerations held."""
+    """Derivative of the residual along a direction dz, accelerations held."""
     p, z, J, P, Z = make_symbols()
     dz, kept, accelerations = SX.sym("dz", z.numel()), SX.sym("kept", 18), SX.sym("accelerations", 12)
     twist, relative, along = kept[:6], kept[6:12], kept[12:]
@@ -340,7 +349,7 @@ def derive_change() -> ca.Function:
 
 
 def derive_masses() -> ca.Function:
-    """Mass of legs' lengths and base, (12, 12), with all modes held; and of legs and payload as one body on the base."""
+    """Mass of legs' lengths and base, with all modes held; and of legs and payload as one body on the base."""
     p, z, J, P, Z = make_symbols()
     M, to_platform, locked = find_mass(P, Z, square(J), *make_bodies(P, Z, whole=True))
     return make("masses", {"p": p, "z": z, "J_pl": J}, {
@@ -371,14 +380,27 @@ def derive_momentum() -> ca.Function:
 
 
 def derive_legs() -> ca.Function:
-    """Lengths of the legs and J_lp, eq (6)."""
+    """Lengths of the legs, J_lp of eq (6), and its inverse by blocks, which divides by the divisor."""
     p, z, _, P, Z = make_symbols()
     legs = [Leg(P, Z, i) for i in range(6)]
+    J_lp = ca.vertcat(*(leg.on_platform.T for leg in legs))
+    first, divisor = invert3(J_lp[:3, :3])
+    by_first, to_first = J_lp[3:, :3] @ first, first @ J_lp[:3, 3:]
+    last, _ = invert3(J_lp[3:, 3:] - by_first @ J_lp[:3, 3:])
+    right = -to_first @ last
+    left = ca.vertcat(first - right @ by_first, -last @ by_first)
     outputs = {
-        "lengths": ca.vertcat(*(leg.length for leg in legs)),
-        "J_lp": flat(ca.vertcat(*(leg.on_platform.T for leg in legs))),
-    }
+        "lengths": ca.vertcat(*(leg.length for leg in legs)), "J_lp": flat(J_lp),
+        "J_pl": flat(ca.horzcat(left, ca.vertcat(right, last))), "divisor": divisor,
+    }  # fmt: skip
     return make("legs", {"p": p, "z": z}, outputs)
+
+
+def invert3(matrix: SX) -> tuple[SX, SX]:
+    """Inverse (3, 3) by cofactors, and the determinant."""
+    a, b, c = matrix[:, 0], matrix[:, 1], matrix[:, 2]
+    determinant = dot(a, cross(b, c))
+    return ca.horzcat(cross(b, c), cross(c, a), cross(a, b)).T * (1 / determinant), determinant
 
 
 #: Terms of asin(s) / s in powers of s**2, which is below 0.039: the first that is left out is 3e-18 of it.

@@ -101,9 +101,8 @@ def look_ahead(
     keep = moving.nonzero()[0]
     m = len(keep)
     A, B, start = np.zeros((m + 1, m + 1)), np.ones((m + 1, 1)), np.zeros(m + 1)  # the last one is time
-    held, scale = np.empty(len(z) + 1), np.empty(m + 1)
+    held = np.empty(len(z) + 1)
     held[:-1], held[-1] = z, 1.0
-    scale[:m], scale[m] = model.scale[keep], 1.0
     start[:m], held[keep] = z[keep], 0.0
     by_kept = rates[keep]
     A[:m, :m], B[:m, 0] = by_kept[:, keep], by_kept @ held
@@ -115,7 +114,7 @@ def look_ahead(
     legs = is_leg[keep].nonzero()[0]
     while True:
         half = 0.5 * h * max(int(2.0 * half / h), 1)
-        Ad, Bd = zero_order_hold(A, B, half, scale)
+        Ad, Bd = zero_order_hold(A, B, half)
         to_middle = Ad @ start + Bd[:, 0]
         to_end = Ad @ to_middle + Bd[:, 0]
         if not np.isfinite(to_end).all():

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from ..cosim import Column, CosimError, UsageError, Value
 from ..cosim.recording.delivery import read_rows
-from ..interface.linear_system import MOST_GAIN_DB, Circuit, LinearModelError, Reserve, read_model
+from ..interface.linear_system import MOST_GAIN_DB, Circuit, Reserve
+from ..interface.system_model import LinearModelError, read_model
 from ..mechanism.quantities import Complex, ParameterError
 from ..pointing.response import find_growth
 from ..results.datasets import open_results

@@ -25,7 +25,8 @@ from ..cosim.schemes.scheme import Scheme, make_scheme
 from ..cosim.signals import Signal, read_signals
 from ..cosim.ssp.reading import complete_experiment, fit_duration, read_any_system
 from ..cosim.structure import Parameter, PortName, parse_port
-from ..interface.linear_system import DELAYS, Circuit
+from ..interface.linear_system import Circuit
+from ..interface.system_model import DELAYS
 from ..mechanism.quantities import ParameterError
 from ..results.summary import FmuFile
 from ..theory.sampled import round_delay

@@ -7,6 +7,7 @@
 enum { FINE = 0, SHIFT = 3, TURN = 6, MODES = 9 };
 enum { MOST_STEPS = 20 };
 static const double LARGEST_CONDITION = 1e6, TOLERANCE = 1e-14, ROUNDING = 2e-16; /* 1, m, m */
+static const double FAR = 1e-2;
 
 /* Places in the state. */
 typedef struct {
@@ -90,22 +91,24 @@ static int64_t invert6(double a[36], double inverse[36])
 
 static int64_t find_legs(const Mechanism *m, const double *t, const double *R, double lengths[6], double J_pl[36])
 {
-    double place[12], J_lp[36], square = 0.0, inverse = 0.0;
+    double place[12], J_lp[36], divisor, square = 0.0, inverse = 0.0;
     memcpy(place, t, 3 * sizeof *t);
     memcpy(place + 3, R, 9 * sizeof *R);
-    equations_legs((const double *)&m->rigid, place, lengths, J_lp);
+    equations_legs((const double *)&m->rigid, place, lengths, J_lp, J_pl, &divisor);
     for (int i = 0; i < 6; i++)
         for (int k = 0; k < 6; k++) {
-            double scaled = k < 3 ? J_lp[6 * i + k] : J_lp[6 * i + k] / m->radius;
+            double scaled = k < 3 ? m->radius * J_lp[6 * i + k] : J_lp[6 * i + k];
             square += scaled * scaled;
         }
-    if (!invert6(J_lp, J_pl))
+    /* By blocks where the directions of the coarse legs are far from one plane. */
+    if (!(fabs(divisor) > FAR) && !invert6(J_lp, J_pl))
         return 0;
     for (int i = 0; i < 36; i++) {
-        double scaled = i < 18 ? J_pl[i] : J_pl[i] * m->radius;
+        double scaled = i < 18 ? J_pl[i] : m->radius * J_pl[i];
         inverse += scaled * scaled;
     }
-    return square * inverse <= 36.0 * LARGEST_CONDITION * LARGEST_CONDITION;
+    double radius = m->radius;
+    return square * inverse <= 36.0 * LARGEST_CONDITION * LARGEST_CONDITION * radius * radius;
 }
 
 EXPORT int64_t mechanism_invert(const Mechanism *m, const double t[3], const double R[9], double J_pl[36])
@@ -340,6 +343,36 @@ static void solve(const Point *p, const double right[12], double found[12])
         for (int k = 0; k < i; k++)
             found[k] -= row[k] * found[i];
     }
+}
+
+EXPORT void mechanism_accelerate(const Mechanism *m, const Point *p, const double *du, double *d_rates)
+{
+    const double still[MECHANISM_STATES] = {0.0}, *R = p->motion.rotation, *t = p->motion.translation;
+    double wrench[6], moment[3], right[12], found[12], body[6], spin[6] = {0.0}, y[MECHANISM_OUTPUTS];
+    EquationsMotion dz;
+    gather(m, still, du, &dz);
+    const double *given = dz.given;
+    for (int i = 0; i < 3; i++) {
+        wrench[i] = R[3 * i] * dz.payload_wrench[0] + R[3 * i + 1] * dz.payload_wrench[1] + R[3 * i + 2] * dz.payload_wrench[2];
+        wrench[3 + i] =
+            R[3 * i] * dz.payload_wrench[3] + R[3 * i + 1] * dz.payload_wrench[4] + R[3 * i + 2] * dz.payload_wrench[5];
+    }
+    cross(t, wrench, moment);
+    for (int i = 0; i < 6; i++) {
+        right[i] = dz.leg_force[i];
+        for (int k = 0; k < 6; k++)
+            right[i] += p->J_pl[6 * k + i] * wrench[k];
+        right[6 + i] = dz.base_wrench[i] + wrench[i] + (i < 3 ? 0.0 : moment[i - 3]);
+    }
+    for (int i = 0; i < 12; i++)
+        for (int k = 0; k < 6; k++)
+            right[i] -= p->base_rows[12 * k + i] * given[6 + k];
+    solve(p, right, found);
+    for (int i = 0; i < 12; i++)
+        found[i] += given[i];
+    for (int i = 0; i < 6; i++)
+        body[i] = dot6(p->to_platform + 12 * i, found) + dot6(p->to_platform + 12 * i + 6, found + 6);
+    spread(m, still, du, given, found, body, spin, d_rates, y);
 }
 
 EXPORT void mechanism_differentiate(const Mechanism *m, const Point *p, const double *dx, const double du[MECHANISM_INPUTS],

@@ -8,9 +8,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import ClassVar
 
+import numpy as np
 from pythonfmu.fmi2slave import Fmi2Slave
 
 from .ahead import RowParts
+from .blocks import Matrices
 from .buffer import Array
 from .elements import Element
 from .terminals import Terminal
@@ -36,6 +38,9 @@ class Model(Fmi2Slave):
     terminals: ClassVar[tuple[Terminal, ...]] = ()
     n_states: ClassVar[int] = 0
     """Size of x.  Fixed: a mode that is switched off keeps its place, with zeros."""
+    n_rates: ClassVar[int | None] = None
+    """Number of states, the first of x, for directional derivatives, see :meth:`linearise`; None: all.  Models that
+    override ``linearise`` or ``continuous`` provide them; variables ``x[i]`` and ``der(x[i])`` are listed then."""
     n_auxiliary: ClassVar[int] = 0
     n_memory: ClassVar[int] = 0
     """Further numbers that events keep; part of the FMU state."""
@@ -78,9 +83,36 @@ class Model(Fmi2Slave):
     def output_map(self) -> Array | None:
         """Return the map from [x; u; a] to the outputs, (ny, nx + nu + na); None: ``configure`` sets y itself.
 
-        May have fewer columns: the last operands are then not used.
+        May have fewer columns: the last operands are then not used.  By default, that of :meth:`continuous`.
+        """
+        matrices = self.continuous()
+        return None if matrices is None else np.hstack(matrices[2:])
+
+    def continuous(self) -> Matrices | None:
+        """Return A, B, C, D of ``x' = A x + B [u; a]``, ``y = C x + D [u; a]``; None: ``step_map`` is used instead.
+
+        Shapes (nx, nx), (nx, nu + na), (ny, nx), (ny, nu + na).  Inputs are held over a step, whose map is made without
+        Python for whatever size the host asks for; the class then has ``any_step``.
         """
         return None
+
+    def linearise(self) -> tuple[Matrices, Array]:
+        """Return A, B, C, D of the present system about its present state, and the rates of its states (n_rates,).
+
+        Its states are the first ``n_rates`` of x, its inputs all of u, its outputs all of y, at the end of a short step
+        with these inputs.  Shapes (n_rates, n_rates), (n_rates, nu), (ny, n_rates), (ny, nu).  It is asked for when a
+        host wants directional derivatives, and between events it depends on the buffer alone.  By default, the parts of
+        :meth:`continuous`, of a model in which no element passes u on.
+
+        Raises
+        ------
+        ModelError: the system is not linear and continuous as it is, for example by a delay; the message names what
+            makes it so.
+        """
+        matrices = self.continuous()
+        assert matrices is not None  # Values.provides_derivatives
+        (A, B, C, D), n = matrices, len(self.u)
+        return (A, B[:, :n], C, D[:, :n]), A @ self.x + B @ np.concatenate([self.u, self.a])
 
     def step_map(self, h: float) -> Array | None:
         """Return the matrix of a step of size h, s, (ny + nx, nx + nu + na + nr).  It is cached by h until ``remap()``.

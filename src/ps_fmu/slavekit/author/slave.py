@@ -29,6 +29,7 @@ from ... import __version__
 from .buffer import BufferLayout, copy_aligned
 from .far import blame
 from .guard import ModelError, Refused, Unreadable, protect, report
+from .model import Model
 from .state import Derived, LifePhase, SlaveState, from_bytes, to_bytes
 from .stepper import Stepper
 from .variables import Port, numbered, vector
@@ -57,6 +58,7 @@ class Slave(Stepper):
             raise TypeError(
                 f"{cls.__name__}: n_states = {cls.n_states}: expected 0 with block_rows and without n_row"
             )
+        cls.any_step = cls.any_step or cls.continuous is not Model.continuous
         if cls.any_step and cls.block_rows:
             raise TypeError(f"{cls.__name__}: any_step, but rows of tables belong to one size of steps: block_rows = 0")
         if cls.n_row and not cls.block_rows:
@@ -67,8 +69,9 @@ class Slave(Stepper):
         protect(cls, _CALLED_BY_HOSTS, ("_fmu_state_to_bytes", "_fmu_state_from_bytes"))
         cls.instances = WeakSet()
         cls.layout = BufferLayout(
-            cls.__name__, __version__, cls.ports, cls.n_states, cls.n_auxiliary, cls.n_memory, cls.n_row
-        )
+            cls.__name__, __version__, cls.ports, cls.n_states, cls.n_auxiliary, cls.n_memory, cls.n_row,
+            (cls.n_states if cls.n_rates is None else cls.n_rates) if cls.provides_derivatives() else 0,
+        )  # fmt: skip
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__(**kwargs)

@@ -8,8 +8,9 @@ from math import inf, isfinite, ulp
 
 import numpy as np
 
-from .blocks import make_blocks, store_by_columns
+from .blocks import Matrices, make_blocks, store_by_columns
 from .buffer import Array
+from .continuous import hold_inputs
 from .core import FOUND_DUE, MESSAGE_NONE, MESSAGE_REFUSAL, MESSAGE_WARNING, Elements, Map, OutputLimits, Step
 from .elements import Element, StepMap, compile_elements, find_full_delay
 from .far import blame
@@ -52,6 +53,7 @@ class Stepper(Tables):
     def remap(self) -> None:
         """The map is out of date (new pose, new parameter): ask ``step_map`` again before the next step."""
         self._maps.clear()
+        self._core.linear_holds = False
         self._derived = object()
         self._renew()
 
@@ -92,9 +94,7 @@ class Stepper(Tables):
             else:
                 self._step_carefully(current_time, step_size)
             core.python_steps += 1
-            if core.message_status == MESSAGE_WARNING:
-                core.message_status = MESSAGE_NONE
-                self.warning(self._read_message())
+            self._pass_warning()
             return True
         except (ModelError, Refused) as error:
             error.args = (f"step from t = {core.time:.9g} s refused: {error}",)
@@ -189,6 +189,12 @@ class Stepper(Tables):
         """What an element has to say of the step."""
         return self._core.message.decode("utf-8", "replace")
 
+    def _pass_warning(self) -> None:
+        """Send the host the warning that an element has left."""
+        if self._core.message_status == MESSAGE_WARNING:
+            self._core.message_status = MESSAGE_NONE
+            self.warning(self._read_message())
+
     @abstractmethod
     def warning(self, text: str) -> None:
         """Send a warning to the host."""
@@ -265,8 +271,13 @@ class Stepper(Tables):
         for found in self._maps:
             if found.step == h:
                 return found
-        maps = () if self._has_rows_alone() else self._make_maps(h)
-        elements = self._compile_elements(self.before_map(h), self.after_map(h))
+        before, matrices = self.before_map(h), self.continuous()
+        if matrices is None:
+            maps = () if self._has_rows_alone() else self._make_maps(h)
+        else:
+            maps, held = self._make_continuous_maps(matrices)
+            before = [*before, *held]
+        elements = self._compile_elements(before, self.after_map(h))
         if len(self._maps) >= _MOST_MAPS:
             del self._maps[0]
         self._maps.append(StepMap(h, maps, elements))
@@ -285,6 +296,20 @@ class Stepper(Tables):
             self._make_map("split_map (states)", split[0], self.x),
             self._make_map("split_map (outputs)", split[1], self.y),
         )
+
+    def _make_continuous_maps(self, matrices: Matrices) -> tuple[tuple[Map, ...], list[Element]]:
+        """The maps of states and outputs, and the element that renews the first for another size of steps."""
+        A, B, C, D = (np.asarray(matrix, dtype=np.float64) for matrix in matrices)
+        n, m = self.n_states, self._source.size - self.n_states
+        shapes = (n, n), (n, m), (self.y.size, n), (self.y.size, m)
+        for name, matrix, shape in zip("ABCD", (A, B, C, D), shapes, strict=True):
+            if matrix.shape != shape:
+                raise ValueError(f"{type(self).__name__}.continuous: {name} has shape {matrix.shape}; expected {shape}")
+        outputs = self._make_map("continuous (C, D)", np.hstack([C, D]), self.y)
+        if not n:
+            return (outputs,), []
+        states = self._make_map("continuous (A, B)", np.hstack([A, B]), self.x)
+        return (states, outputs), [hold_inputs(A, B, self._source, self.x)]
 
     def _make_map(self, what: str, matrix: Array, target: Array) -> Map:
         by_columns = store_by_columns(self._check_matrix(what, matrix, target.size))
