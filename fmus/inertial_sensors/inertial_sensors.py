@@ -145,7 +145,8 @@ class InertialSensors(Slave):
         through = np.array([not kind.lowpass.bandwidth for kind in kinds])
         all_A = np.block([[np.diag(A[:, i, j]) for j in (0, 1)] for i in (0, 1)])
         to_states = np.vstack([np.diag(b[:, 0]), np.diag(b[:, 1])])
-        readings = np.vstack([sensors.estimator, np.eye(CHANNELS), np.zeros((1, CHANNELS))]) * (sensors.gain * sensors.enabled)
+        readings = np.vstack([sensors.estimator, np.eye(CHANNELS), np.zeros((1, CHANNELS))])
+        readings *= sensors.gain * sensors.enabled
         C = np.hstack([readings * ~through, np.zeros((self.y.size, CHANNELS))])
         turned = rows + products @ slopes
         rates = all_A @ self.x + to_states @ (rows @ self.u + products @ true)
