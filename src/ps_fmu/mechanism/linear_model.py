@@ -31,11 +31,13 @@ from typing import NamedTuple
 import numpy as np
 
 from .centre import Centre
+from .compiled import Mechanism
 from .convection import convective_forces
 from .discretisation import make_held_step_map, zero_order_hold
 from .dynamics import Dynamics, FlexibleSystem, Pose
 from .kinematics import Jacobians, KinematicsError, forward_kinematics, jacobians
 from .matrices import Nominal, Orientation, make_output_matrices, make_rate_matrices, turn_base
+from .modes import drop_unused
 from .parameters import Bus, CoarseServo, Manipulator, Optics, Parameters, Payload
 from .quantities import Array, ParameterError, group
 from .rotations import IDENTITY, GimbalLockError, rotation_from_vector
@@ -265,6 +267,15 @@ class Plant:
     @cached_property
     def _turns_P(self) -> Array:
         return self.system.find_turns(self.optics.truss_sensitivity)
+
+    def make_mechanism(self, command: Array, *, prescribed: bool) -> Mechanism:
+        """What moves, as compiled; the damping of the rods by the masses with the coarse legs at ``command`` (3,), m."""
+        d = self.linearise(self.within_stroke(command)).dynamics
+        modes = drop_unused(self.bus.modes), drop_unused((*self.payload.truss_modes, *self.payload.modes))
+        damping = d.C.diagonal()[d.slices["e_c"]]
+        return Mechanism(
+            self.manipulator, self.payload, self.bus, *modes, self.servo, self.optics, damping, prescribed=prescribed
+        )
 
     @cached_property
     def system(self) -> FlexibleSystem:
