@@ -103,8 +103,6 @@ class ManipulatorPlant(Slave):
     plant: Plant
     step: PlantStep
     elements: list[Element]
-    kept: Memory
-    """``memory`` by name."""
     prescribed: bool
     warned_unused: tuple[str, ...] = ()  # what the last warning was about that something has no effect
 
@@ -113,18 +111,15 @@ class ManipulatorPlant(Slave):
         """Build the mechanism from the parameters and put it at the commanded pose, undeformed."""
         command = self._build(self.view("coarse_command"))
         initial = take_values(STILL, self.parameters())
-        n, (s, _, r) = self.plant.n_coordinates, servo_slices(self.plant.n_coordinates)
+        n = self.step.mechanism.n
+        s, _, r = servo_slices(n)
         self.x[:] = 0.0
         self.x[s] = self.x[r] = command
         self.x[n + 6 : n + 9] = (
             self.view("prescribed_angular_velocity") if self.prescribed else initial.initial_angular_velocity_B
         )
-        self.kept.place.attitude[:] = initial.unit_attitude
-        if not self.step.begin(self._core):
-            at = ", ".join(f"{1e3 * displacement:.4g}" for displacement in command)
-            raise ParameterError(
-                "coarse_stroke", f"too large: no usable pose with the coarse legs at ({at}) mm from nominal"
-            )
+        Memory.from_address(self.memory.ctypes.data).place.attitude[:] = initial.unit_attitude
+        self.step.begin(self._core)
         self._warn_of_unused()
 
     def before_map(self, h: float) -> Sequence[Element]:
@@ -146,9 +141,14 @@ class ManipulatorPlant(Slave):
         places = tuple(part.start for part in (self.layout.x, self.layout.u, self.layout.y, self.layout.memory))
         renewal = take_values(RENEWAL, values)
         command = self.plant.within_stroke(start)
-        self.step = PlantStep(self.plant, renewal, command, places, prescribed=self.prescribed)
+        try:
+            self.step = PlantStep(self.plant, renewal, command, places, prescribed=self.prescribed)
+        except ArithmeticError as error:
+            at = ", ".join(f"{1e3 * displacement:.4g}" for displacement in command)
+            raise ParameterError(
+                "coarse_stroke", f"too large: no usable pose with the coarse legs at ({at}) mm from nominal; {error}"
+            ) from error
         self.elements = [Call(find_step(), self.step.words, kept=self.step)]
-        self.kept = Memory.from_address(self.memory.ctypes.data)
         self.remap()
         return command
 

@@ -58,8 +58,7 @@ def make_jumping_wheel():
 def make_errors(interval=1e-4, step=1):
     """Several blocks of white noise and of the drift; gaps and biases; over the RMS, as channels differ in size."""
     changes = {"rate_sensor.enabled": True, "accelerometer_2.enabled": False, "accelerometer_3.bias": 1e-6}
-    noise = replace_values(default_sensors(), changes).make_noise(interval)
-    errors = noise(np.arange(6000, 20_000, step))
+    errors = replace_values(default_sensors(), changes).compute_errors(interval, np.arange(6000, 20_000, step))
     return errors / np.maximum(errors.std(axis=0), 1e-300)
 
 
@@ -70,7 +69,7 @@ def read_table():
 
 MAKERS = {
     "noise": make_noise,
-    "noise without a compiled transform": lambda: make_noise(37.3),
+    "noise on a finer grid": lambda: make_noise(37.3),
     "wheel": make_wheel,
     "wheel with short ramps": make_jumping_wheel,
     "steady wheel": lambda: make_wheel(200.0),

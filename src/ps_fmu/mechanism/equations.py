@@ -217,7 +217,7 @@ class Inverse:
 
 
 def find_mass(p: dict[str, SX], z: dict[str, SX], J_pl: SX, payload: Body, bus: Body) -> tuple[SX, SX, SX]:
-    """(12, 12) mass of legs' lengths and base; (6, 12) to accelerations of P, in P; (6, 6) of base, legs and payload."""
+    """(12, 12) mass of legs' lengths and base; (6, 12) to accelerations of P, in P; (6, 6) of all but the bus."""
     t, R = z["translation"], z["rotation"]
     legs = [Leg(p, z, i) for i in range(6)]
     turn = ca.diagcat(R, R)
@@ -349,7 +349,7 @@ def derive_change() -> ca.Function:
 
 
 def derive_masses() -> ca.Function:
-    """Mass of legs' lengths and base, (12, 12), with all modes held; and of legs and payload as one body on the base."""
+    """Mass of legs' lengths and base, with all modes held; and of legs and payload as one body on the base."""
     p, z, J, P, Z = make_symbols()
     M, to_platform, locked = find_mass(P, Z, square(J), *make_bodies(P, Z, whole=True))
     return make("masses", {"p": p, "z": z, "J_pl": J}, {

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from ..numerics.library import LANES, Discretisation, MapWords, Room, allocate, find_address, find_library
-from .compiled import MOST_STATES, N_MOVING_INPUTS, Place, Point
+from .compiled import MOST_STATES, N_MOVING_INPUTS, Mechanism, Place, Point
+from .kinematics import jacobians
 from .linear_model import Plant
 from .quantities import Array, Checked, quantity
 from .signals import N_OUTPUTS
@@ -104,13 +105,23 @@ class PlantStep:
     command: (3,) m, where the coarse legs are at the start: the damping of the rods belongs to the masses there.
     places: of states, inputs, outputs and memory in the buffer.
     prescribed: the base moves as the host says.
+
+    Raises
+    ------
+    ArithmeticError: no usable pose has the coarse legs at ``command``.
     """
 
     def __init__(
         self, plant: Plant, renewal: Renewal, command: Array, places: tuple[int, ...], *, prescribed: bool
     ) -> None:
         geometry, library = plant.manipulator.geometry, find_library()
-        self.mechanism = mechanism = plant.make_mechanism(command, prescribed=prescribed)
+        self.mechanism = mechanism = Mechanism(
+            plant.manipulator, plant.payload, plant.bus, plant.servo, plant.optics, prescribed=prescribed
+        )
+        lengths = geometry.nominal_lengths + np.append(command, np.zeros(3))
+        t, R = mechanism.find_place(lengths, geometry.nominal_translation_B, np.eye(3))
+        M, _, _ = mechanism.find_masses(t, R, jacobians(geometry, t, R).J_pl)
+        mechanism.damp_rods(M)
         n = mechanism.n_states
         stride, given = _pad(n), n + N_MOVING_INPUTS + 1
         self.kept: list[object] = [mechanism]
@@ -133,9 +144,13 @@ class PlantStep:
                 model.rooms[k] = room
                 self.kept.append(room.arrays)
 
-    def begin(self, core: Structure) -> bool:
-        """Places and outputs of the state in the buffer of a core; False: no pose has its lengths."""
-        return bool(find_library().plant_begin(ctypes.byref(self.words), ctypes.byref(core)))
+    def begin(self, core: Structure) -> None:
+        """Places, memory and outputs of the state in the buffer of a core.
+
+        Raises ArithmeticError: no usable pose has its lengths, or something is not finite.
+        """
+        if not find_library().plant_begin(ctypes.byref(self.words), ctypes.byref(core)):
+            raise ArithmeticError("the plant is singular at this pose, or something is not finite")
 
     def _make_room(self, size: int) -> Array:
         room = allocate(size)

@@ -1,19 +1,5 @@
 /* Normal numbers by Box and Muller. */
 
-/* log(x), 2^-1000 < x < 2^1000: x = 2^k (1 + f) around 1, log(1 + f) = 2 artanh(f / (2 + f)). */
-INLINE double logarithm(double x)
-{
-    const uint64_t root = 0x3fe6a09e667f3bcdULL, one = 0x3ff0000000000000ULL, fraction = 0x000fffffffffffffULL;
-    const uint64_t t = to_bits(x) + (one - root);
-    const double k = from_bits(0x4330000000000000ULL | (t >> 52)) - (4503599627370496.0 + 1023.0);
-    const double f = from_bits((t & fraction) + root) - 1.0;
-    const double s = f / (2.0 + f), z = s * s;
-    double sum = 1.0 / 21.0;
-    for (int n = 19; n > 0; n -= 2) /* the next term is below 2e-17 */
-        sum = sum * z + 1.0 / n;
-    return k * 0.6931471805599453 + 2.0 * s * sum;
-}
-
 /* Pairs of normal numbers from pairs of numbers from 0 to below 1. */
 INLINE void make_normal(const double *u, const double *v, int64_t n, double *cosines, double *sines)
 {

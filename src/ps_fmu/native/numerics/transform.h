@@ -168,14 +168,21 @@ INLINE void store(const double *samples, const double *sizes, int64_t points, do
     }
 }
 
-INSTRUCTIONS static void store_samples(const Lines *l, const double *terms, int64_t phase, int64_t group,
-                                     const double *sizes, double *room, double *rows)
+/* The samples of a phase of a group of spectra, (points, LANES), somewhere in `room`. */
+INSTRUCTIONS static const double *transform_lines(const Lines *l, const double *terms, int64_t phase, int64_t group,
+                                                  double *room)
 {
-    const int64_t half = l->points / 2, stride = l->phases * CHANNELS;
+    const int64_t half = l->points / 2;
     Lanes *a = (Lanes *)room, *b = a + half + 1;
     fold(l, (const Lanes *)terms + group * l->n, l->turns + 2 * phase * l->n, a, half + 1);
     pair_up(a, half, l->roots);
-    const double *samples = (const double *)transform(a, b, half, l->roots);
+    return (const double *)transform(a, b, half, l->roots);
+}
+
+INSTRUCTIONS static void store_samples(const Lines *l, const double *samples, int64_t phase, int64_t group,
+                                       const double *sizes, double *rows)
+{
+    const int64_t stride = l->phases * CHANNELS;
     rows += phase * CHANNELS;
     if (l->n_terms == 1)
         store(samples, sizes, l->points, rows, stride, 1, CHANNELS);

@@ -27,7 +27,7 @@ class Tables(Values):
         super()._allocate()
         self._table = np.empty((0, self.r.size or self.y.size))
         self._next_rows = _FIRST_ROWS
-        self._ahead = TableAhead(self._core)
+        self._ahead = TableAhead()
 
     # --- For models ---------------------------------------------------------------------
 
@@ -82,10 +82,7 @@ class Tables(Values):
         self._work_ahead()
 
     def _work_ahead(self) -> None:
-        """Do a part of the work for the next table; the parts are spread evenly over the rows of this one.
-
-        The launcher does the same, where the part is a call.
-        """
+        """Do a part of the work for the next table; the parts are spread evenly over the rows of this one."""
         core, rows = self._core, len(self._table)
         row = core.count - core.block
         parts = self._ahead.advance()
