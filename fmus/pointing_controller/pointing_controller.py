@@ -86,7 +86,7 @@ class PointingController(Slave):
         held = np.hstack([B, A[:, :1] * [[0.0], [0.0], [0.0], [1.0]]])
         inputs = np.hstack([np.zeros((N_STATES, self.u.size + 3)), np.kron(held, np.eye(3))])
         outputs = np.zeros((self.y.size, N_STATES)), np.zeros((self.y.size, inputs.shape[1]))
-        return np.kron(A, np.eye(3)), inputs, *outputs
+        return np.asarray(np.kron(A, np.eye(3))), inputs, *outputs
 
     def before_map(self, h: float) -> Sequence[Element]:
         """Return the sample of the error, the gains of the orientation, and what the limit cut off in the last step."""

@@ -305,7 +305,7 @@ def flat(matrix: SX) -> SX:
 
 
 def derive_accelerations() -> ca.Function:
-    """All accelerations, and what else :func:`derive_change` needs."""
+    """All accelerations, and what their derivatives take."""
     p, z, J, P, Z = make_symbols()
     mask = SX.sym("mask", 12)
     J_pl, given = square(J), Z["given"]
@@ -329,7 +329,7 @@ def derive_accelerations() -> ca.Function:
 
 
 def derive_change() -> ca.Function:
-    """Derivative of the residual along a direction ``dz`` of :data:`MOTION`, accelerations held."""
+    """Derivative of the residual along a direction dz, accelerations held."""
     p, z, J, P, Z = make_symbols()
     dz, kept, accelerations = SX.sym("dz", z.numel()), SX.sym("kept", 18), SX.sym("accelerations", 12)
     twist, relative, along = kept[:6], kept[6:12], kept[12:]
@@ -380,7 +380,7 @@ def derive_momentum() -> ca.Function:
 
 
 def derive_legs() -> ca.Function:
-    """Lengths of the legs, J_lp of eq (6), and its inverse by blocks, which divides by the determinant ``divisor``."""
+    """Lengths of the legs, J_lp of eq (6), and its inverse by blocks, which divides by the divisor."""
     p, z, _, P, Z = make_symbols()
     legs = [Leg(P, Z, i) for i in range(6)]
     J_lp = ca.vertcat(*(leg.on_platform.T for leg in legs))

@@ -11,7 +11,7 @@ static const double TARGET_RESOLUTION = 1e-12; /* rad */
 
 /* Poses of a path: all of them are tried, or those of each interval alone whose ends leave a doubt.  Between two of
    them a leg can go beyond both by 4e-8 m (200 random paths through the workspace). */
-enum { INTERVALS = 32, PARTS = 8 };
+enum { INTERVALS = 16, PARTS = 16 };
 
 /* Constants, and places in the buffer of the FMU. */
 typedef struct {

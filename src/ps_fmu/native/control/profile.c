@@ -121,7 +121,7 @@ static void follow_parts(const Profile *p, Parts *parts, double time, int order,
         motions[0][k] = p->target[k] + motions[0][k];
 }
 
-EXPORT void profile_follow(const Profile *p, double time, int order, Motions motions)
+void profile_follow(const Profile *p, double time, int order, Motions motions)
 {
     Parts parts;
     find_parts(p, &parts);
@@ -285,7 +285,7 @@ static void multiply_motions(Motions start, const double *distance, double (*pro
             products[i][j] = dot(of[i], of[j]);
 }
 
-EXPORT void profile_plan(Profile *p, double time, Motions start, const double *target, const Limits *limits)
+void profile_plan(Profile *p, double time, Motions start, const double *target, const Limits *limits)
 {
     const double limit[3] = {limits->rate, limits->acceleration, limits->jerk};
     double own[3], allowed[3], excess, bound = 1e-3; /* s */

@@ -54,13 +54,13 @@ static inline double profile_remaining(const Profile *p, double time)
 }
 
 /* Position and its derivatives up to an order, at most 3.  The end is exact. */
-void profile_follow(const Profile *p, double time, int order, Motions motions);
+EXPORT void profile_follow(const Profile *p, double time, int order, Motions motions);
 
 /* The shortest profile from `start` to rest at `target` within the limits, from `time` (s) on.
 
    From rest the duration follows in closed form.  Else it is the shortest brake within the limits, then the shortest
    transfer with which the sum exceeds them by at most 10 %; durations are tried in steps of 3 %, 100 and 60 of them at
    most.  A limit that the start itself exceeds is raised to what the start has. */
-void profile_plan(Profile *p, double time, Motions start, const double *target, const Limits *limits);
+EXPORT void profile_plan(Profile *p, double time, Motions start, const double *target, const Limits *limits);
 
 #endif
