@@ -236,14 +236,26 @@ static void take_momentum(Plant *p, Memory *w, const double *x, bool with_moment
     rotate(w->place.attitude, found + 3, false, w->angular);
 }
 
-/* Momentum of the linear model at rest, about its origin of B. */
+/* Momentum of the linear model at rest, angular momentum about its centre of mass, in axes of B at the centre; without what
+   the turn since then makes of the momentum of the centre: outer forces alone change it. */
 static bool find_linear_momentum(Plant *p, const Model *model, const double *x, double momentum[6])
 {
-    double mass[4], shifted[MECHANISM_STATES];
+    const Centre *c = &model->centre;
+    double mass[4], com[3], carried[3], moment[3], turn[3];
     if (!evaluate_centre(p, model, x + count_coordinates(p), &p->centre))
         return false;
-    memcpy(shifted, x, sizeof *x * (size_t)count_states(p));
-    mechanism_find_momentum(p->mechanism, &p->centre, shifted, momentum, mass);
+    mechanism_find_momentum(p->mechanism, &p->centre, x, momentum, mass);
+    for (int k = 0; k < 3; k++) {
+        com[k] = mass[1 + k] / mass[0];
+        carried[k] = mass[0] * c->velocity[k];
+        turn[k] = x[TURN + k] - c->rotation[k];
+    }
+    cross(com, momentum, moment);
+    for (int k = 0; k < 3; k++)
+        momentum[3 + k] -= moment[k];
+    cross(turn, carried, moment);
+    for (int k = 0; k < 3; k++)
+        momentum[k] += moment[k];
     return true;
 }
 
@@ -508,7 +520,7 @@ static bool begin_motion(Plant *p, Memory *w, const double *x)
     if (model == NULL)
         return false;
     const Centre *c = &model->centre;
-    double turn[3], now[6], impulse[3], turned[3], moment[3];
+    double turn[3], now[6], impulse[3], turned[3], before[3], moment[3];
     w->place = model->place;
     for (int k = 0; k < 3; k++)
         turn[k] = x[TURN + k] - c->rotation[k];
@@ -524,18 +536,17 @@ static bool begin_motion(Plant *p, Memory *w, const double *x)
     }
     if (!evaluate(p, &w->place, x, w->input) || !find_linear_momentum(p, model, x, now))
         return false;
-    take_momentum(p, w, x, false);
-    cross(x + SHIFT, now, moment);
-    for (int k = 0; k < 3; k++)
-        now[3 + k] += moment[k];
     for (int k = 0; k < 6; k++)
         now[k] -= w->at_rest[k];
     rotate(c->attitude, now, false, impulse);
     rotate(c->attitude, now + 3, false, turned);
-    for (int k = 0; k < 3; k++) {
+    cross(w->centre, w->momentum, before);
+    for (int k = 0; k < 3; k++)
         w->momentum[k] += impulse[k];
-        w->angular[k] += turned[k];
-    }
+    take_momentum(p, w, x, false);
+    cross(w->centre, w->momentum, moment);
+    for (int k = 0; k < 3; k++)
+        w->angular[k] += turned[k] + (moment[k] - before[k]);
     return true;
 }
 
@@ -543,7 +554,6 @@ static bool begin_motion(Plant *p, Memory *w, const double *x)
 static bool begin_rest(Plant *p, const Model *model, Memory *w, double *x)
 {
     const int64_t s = 2 * count_coordinates(p);
-    double moment[3];
     for (int k = 0; k < 3; k++) {
         x[s + k] = x[s + 6 + k] = model->centre.coarse[k];
         x[s + 3 + k] = 0.0;
@@ -556,12 +566,7 @@ static bool begin_rest(Plant *p, const Model *model, Memory *w, double *x)
         keep_promise(p, w, &w->place, &model->place, x);
         return true;
     }
-    if (!find_linear_momentum(p, model, x, w->at_rest))
-        return false;
-    cross(x + SHIFT, w->at_rest, moment);
-    for (int k = 0; k < 3; k++)
-        w->at_rest[3 + k] += moment[k];
-    return true;
+    return find_linear_momentum(p, model, x, w->at_rest);
 }
 
 /* The references go to the command over a time, limited in rate. */
@@ -827,8 +832,10 @@ int64_t plant_begin(void *arguments, Core *core)
         return CALL_DONE;
     take_momentum(p, kept, x, true);
     mechanism_find_momentum(p->mechanism, &p->point, x, kept->at_rest, mass);
-    cross(x + SHIFT, kept->at_rest, moment);
     for (int k = 0; k < 3; k++)
-        kept->at_rest[3 + k] += moment[k];
+        momentum[k] = mass[1 + k] / mass[0];
+    cross(momentum, kept->at_rest, moment);
+    for (int k = 0; k < 3; k++)
+        kept->at_rest[3 + k] -= moment[k];
     return CALL_DONE;
 }
