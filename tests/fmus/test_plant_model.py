@@ -241,20 +241,6 @@ def test_steps_are_those_of_the_dense_map(parameters, inputs):
     assert (np.abs(found - expected).max(axis=0) <= SAME * scale).all()
 
 
-def test_maps_of_a_slew_share_their_patterns():
-    host = Host("manipulator_plant").run_mode()
-    slave, models, patterns = host.slave, [], []
-    for k in range(1500):
-        host.set(coarse_command_1=2e-6 * k, coarse_command_2=-1e-6 * k)
-        host.step(FINE)
-        if slave.model not in models:
-            models.append(slave.model)
-            patterns.append([each.matrix.pattern for each in slave._core.maps])
-    in_motion = [pattern for model, pattern in zip(models, patterns, strict=True) if model.centre.fine.any()]
-    assert len(in_motion) >= 3
-    assert all(one is other for pair in in_motion for one, other in zip(pair, in_motion[0], strict=True))
-
-
 def test_a_prescribed_base_keeps_one_map():
     host = Host("manipulator_plant", base="prescribed").run_mode()
     host.step(FINE)
@@ -279,7 +265,7 @@ def count(model):
         return None
     dense = store_by_columns(slave.step_map(slave.default_step)).size
     used = sum(int(np.count_nonzero(matrix.by_columns)) for matrix in maps)
-    blocks = sum(matrix.operations for matrix in maps)
+    blocks = sum(matrix.numbers.size for matrix in maps)
     return [dense, used, blocks, dense * 8e-3, blocks * 8e-3]
 
 

@@ -8,7 +8,7 @@ from support.claims import verify_claim
 
 import ps_fmu
 
-CORNER = "isolator.filters.highpass_frequency"
+HIGHPASS = "isolator.filters.highpass_frequency"
 
 
 def run(duration=20.0, files=(), system=None, **values):
@@ -19,15 +19,15 @@ def run(duration=20.0, files=(), system=None, **values):
     return ratio, [text for text in result.summary["warnings"] if "makes the jitter worse" in text]
 
 
-def test_a_corner_in_the_disturbance_is_named_and_turned_as_told_it_isolates():
-    before, (said,) = run(**{CORNER: 0.3})
+def test_a_highpass_in_the_disturbance_is_named_and_turned_as_told_it_isolates():
+    before, (said,) = run(**{HIGHPASS: 0.3})
     assert before.max() > 1.0
     assert f"{before[0]:.3g} times about x" in said
     name, value, turned, expected = re.search(
         r"By the linear model it is (\S+), (\S+) Hz: with (\S+) Hz it would be (\S+) times", said
     ).groups()
-    assert (name, float(value)) == (CORNER, 0.3)
-    after, none = run(**{CORNER: float(turned)})
+    assert (name, float(value)) == (HIGHPASS, 0.3)
+    after, none = run(**{HIGHPASS: float(turned)})
     assert not none
     verify_claim(
         "warning.isolator_makes_it_worse",
@@ -47,9 +47,9 @@ def test_the_noise_of_accelerometers_is_named_and_the_high_pass_that_stops_it():
     added, by, name, value, turned = re.search(
         r"added at (\S+) Hz, by the (.*)\. By the linear model it is (\S+), (\S+) Hz: with (\S+) Hz", said
     ).groups()
-    assert float(added) < 0.1 and by == "noise of the accelerometers" and (name, float(value)) == (CORNER, 1e-4)
+    assert float(added) < 0.1 and by == "noise of the accelerometers" and (name, float(value)) == (HIGHPASS, 1e-4)
     assert 1.0 < float(turned) < 10.0
-    after, _ = run(*parts, **{CORNER: float(turned)})
+    after, _ = run(*parts, **{HIGHPASS: float(turned)})
     assert after.max() < 1.1
 
 

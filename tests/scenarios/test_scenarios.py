@@ -90,6 +90,23 @@ def test_isolation_where_a_parameter_file_says(make_options, ssv, capsys):
     assert (options.output / "report.html").read_text().count(f"<li>{warning}</li>") == 1
 
 
+@pytest.mark.parametrize(
+    ("given", "locked"),
+    [({}, True), ({"tracker.target_attitude.w": 1.0}, False), ({"commander.target.roll": 0.5}, True)],
+    ids=["where the payload looks", "as a file gives it", "out of reach"],
+)
+def test_a_tracker_expects_its_target_where_the_payload_looks(make_options, ssv, given, locked):
+    """At a roll of 0.1 rad, and at the nominal orientation where the commander refuses the target."""
+    file = ssv({"commander.target.roll": 0.1, "disturbance.noise.enabled": False, **given})
+    options = make_options("isolation", 0.6, step_s=1e-3, parameters=(file,))
+    options = replace(options, system=SYSTEM.with_name("LineOfSight.ssd"))
+    run(options, fmus=7)
+    with netCDF4.Dataset(options.output / "results.nc") as stored:
+        assert bool(stored["active"]["tracker.locked"][-1]) == locked
+        error = stored["active"]["tracker.line_of_sight_error.x"][-1]
+    assert abs(error) < 1e-5  # rad; without lock it is 0
+
+
 def test_the_files_of_a_run_are_read_once(make_options, ssv, monkeypatch):
     read = []
 

@@ -211,6 +211,47 @@ def test_continuous_equations_against_their_solution(start):
         t += h
 
 
+def differentiate(instance: InFmpy, unknown: list[str], known: list[str]) -> np.ndarray:
+    """Derivatives (unknown, known) by the calls of FMI."""
+    columns = []
+    for name in known:
+        references = [[instance.variables[n].valueReference for n in names] for names in (unknown, [name])]
+        columns.append(instance.fmu.getDirectionalDerivative(*references, [1.0]))
+    return np.array(columns).T
+
+
+@pytest.mark.parametrize("closed", [True, False])
+def test_directional_derivatives_are_those_of_the_equations(start, closed):
+    circuit = start("circuit", closed=closed, resistance=0.25)
+    circuit.step(0.0, 0.1)
+    found = differentiate(circuit, ["der(x[1])", "der(x[2])", "charge", "voltage"], ["x[1]", "x[2]", "source"])
+    assert found.tolist() == [[0.0, 1.0, 0.0], [-100.0, -0.25, closed], [1.0, 0.0, 0.0], [-100.0, -0.25, closed]]
+    names = ["x[1]", "x[2]", "der(x[1])", "der(x[2])"]
+    x, v, rate, acceleration = circuit.fmu.getReal([circuit.variables[name].valueReference for name in names])
+    assert (x, v) == (circuit.outputs()[0], rate)
+    assert acceleration == pytest.approx(-100.0 * x - 0.25 * v, abs=1e-14)
+    both = [circuit.variables[name].valueReference for name in ("voltage", "der(x[2])")]
+    known = [circuit.variables[name].valueReference for name in ("source", "x[1]")]
+    assert circuit.fmu.getDirectionalDerivative(both, known, [2.0, -0.5]) == [2.0 * closed + 50.0] * 2
+
+
+def test_what_has_no_derivative_is_refused(start, capfd):
+    circuit, oscillator = start("circuit"), start("oscillator")
+    charge, source = (circuit.variables[name].valueReference for name in ("charge", "source"))
+    for unknown, known, why in (
+        ([source], [source], "an unknown is neither a Real output"),
+        ([charge], [charge], "a known is neither a state nor an input"),
+        ([charge], [10**9], "a known is neither a state nor an input"),
+        ([2**31 - 1], [source], "an unknown is neither a Real output"),
+    ):
+        assert refused(circuit.fmu.getDirectionalDerivative, unknown, known, [1.0]) == ERROR
+        assert why in capfd.readouterr().err
+    assert refused(oscillator.fmu.getDirectionalDerivative, [0], [2], [1.0]) == ERROR
+    assert "this FMU does not provide them" in capfd.readouterr().err
+    assert refused(circuit.fmu.setReal, [circuit.variables["x[1]"].valueReference], [1.0]) == ERROR
+    assert "x[1] is a local variable and cannot be set" in capfd.readouterr().err
+
+
 def test_a_function_warns_and_refuses(folders, toys, swing, capfd):
     """The warning comes once, by the host's logger; after a refusal nothing has changed."""
     messages = []

@@ -33,7 +33,7 @@ def test_vector_and_numbered_names():
     [
         ({"name": "a[1]", "causality": "input"}, "identifiers"),
         ({"name": "a..b", "causality": "input"}, "identifiers"),
-        ({"name": "a", "causality": "local"}, "causality"),
+        ({"name": "a", "causality": "independent"}, "causality"),
         ({"name": "a", "causality": "input", "start": math.nan}, "finite"),
         ({"name": "a", "causality": "input", "start": 3.0, "max": 2.0}, "at most 2"),
         ({"name": "a", "causality": "parameter", "start": "x"}, "number"),

@@ -49,14 +49,14 @@ def test_with_ideal_sensors_it_is_the_known_jitter(isolation):
 
 
 def test_a_constant_error_ends_as_the_rotation_that_the_isolator_believes_in(isolation):
-    """The payload turns back by what the high-passed double integral of the error is: bias over corner squared."""
+    """The payload turns back by the high-passed double integral of the error: bias over frequency squared."""
     bias = np.array([0.0, 0.0, 0.0, 1e-6, -2e-6, 3e-6])  # rad/s2
-    corners = (1e-4, 0.01, 0.05)  # Hz; from 0.5 Hz on the force K_a times the error adds 3 %
-    offsets = [isolation.solve(default_sensors(), corner).offset(bias) for corner in corners]
-    truths = [-bias[3:] / (2.0 * np.pi * corner) ** 2 for corner in corners]
+    highpasses = (1e-4, 0.01, 0.05)  # Hz; from 0.5 Hz on the force K_a times the error adds 3 %
+    offsets = [isolation.solve(default_sensors(), highpass).offset(bias) for highpass in highpasses]
+    truths = [-bias[3:] / (2.0 * np.pi * highpass) ** 2 for highpass in highpasses]
     verify_claim(
         "sensor.offset",
-        claim="A constant bias ends as a constant offset, of bias over corner squared",
+        claim="A constant bias ends as a constant offset, of bias over high-pass frequency squared",
         where="`ps-fmu analyse sensors`: terminal, report",
         reference="high-passed double integral of a constant, by hand",
         error=np.abs(np.array(offsets) / truths - 1.0),
@@ -66,10 +66,10 @@ def test_a_constant_error_ends_as_the_rotation_that_the_isolator_believes_in(iso
     assert estimated_bias(one) == pytest.approx(1e-5 * default_sensors().estimator[:6, 3])
 
 
-def test_noise_is_linear_in_its_density_and_falls_with_the_corner(isolation):
-    """White noise of angular acceleration above a corner far below the suspension: variance as corner^-3."""
+def test_noise_is_linear_in_its_density_and_falls_with_the_highpass(isolation):
+    """White noise of angular acceleration above a high-pass far below the suspension: variance as its frequency^-3."""
     sensors = with_noise(default_sensors(), 1e-7)
-    low, high = (isolation.solve(sensors, corner) for corner in (0.02, 0.04))
+    low, high = (isolation.solve(sensors, highpass) for highpass in (0.02, 0.04))
     variances = [np.diag(found.covariance(found.noise_density(sensors))) for found in (low, high)]
     assert variances[0] / variances[1] == pytest.approx(8.0, rel=0.05)
     double = with_noise(default_sensors(), 2e-7)
@@ -117,15 +117,15 @@ def test_a_line_of_sight_loop_is_that_of_its_own_theory(isolation):
 @pytest.mark.parametrize("sensed", [False, True])
 def test_it_is_stable_where_the_loop_of_its_own_theory_is(isolation, gain_db, sensed):
     """Of a line-of-sight loop with more and more gain, isolator on and off."""
-    law, corner = PointingLaw.from_parameters(load()), 0.02  # Hz
+    law, highpass = PointingLaw.from_parameters(load()), 0.02  # Hz
     design = replace(law.loop, crossover_frequency=1.25 * 10.0 ** (gain_db / 20.0))
     control, timing = law.with_design(design).controller(np.zeros(3)), Timing(0.01, 0.01, STEP)
     controller = isolation.loop.controller
-    tuned = replace(controller, filters=replace(controller.filters, highpass_frequency=corner))
+    tuned = replace(controller, filters=replace(controller.filters, highpass_frequency=highpass))
     loop = replace(isolation.loop, controller=tuned, delay=(LOOP_DELAY + 1.0) * STEP)
     ideal = replace_values(default_sensors(), {"accelerometer.bandwidth": 0.0})
     stable = not len(PointingLoop(loop, control, timing, isolated=sensed).unstable)
-    assert isolation.is_stable(ideal if sensed else None, corner, (control, timing)) == stable
+    assert isolation.is_stable(ideal if sensed else None, highpass, (control, timing)) == stable
 
 
 def test_a_delay_beyond_the_limit_of_the_isolator_is_unstable():

@@ -265,8 +265,8 @@ def test_margins_that_the_readme_of_the_controller_states():
 
     def make(ratio):
         law = PointingLaw.from_parameters(SPLIT)
-        corners = ("crossover_frequency", "integral_frequency", "rolloff_frequency")
-        design = replace(law.loop, **{name: ratio * getattr(law.loop, name) for name in corners})
+        frequencies = ("crossover_frequency", "integral_frequency", "rolloff_frequency")
+        design = replace(law.loop, **{name: ratio * getattr(law.loop, name) for name in frequencies})
         return PointingLoop(
             loop_at(SPLIT, orientation, 1.5e-4), law.with_design(design).controller(orientation), TIMING
         )

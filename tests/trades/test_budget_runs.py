@@ -25,7 +25,8 @@ SETTLING, PERIOD = 4.0, 10.0  # s
 SEED = 5
 INDEX = RelativeError(1.0, "uniform")
 SIGNALS = tuple(f"payload_rotation.{axis}" for axis in "xyz")
-#: Levels at which each source matters.  Much damping and a high corner: a record of 10 s has many independent samples.
+#: Levels at which each source matters.  Much damping and a high-pass of a high frequency: 10 s have many independent
+#: samples.
 VALUES = {
     **dict(read_parameters(SYSTEM / "parameters" / "large_damping.ssv")),
     "isolator.filters.highpass_frequency": 1.0,  # Hz

@@ -73,7 +73,7 @@ def test_all_budgets_add_up(found):
 
 
 def test_the_answers(found):
-    """Of the default system and of the instrument, whose corner leaves what it does not measure."""
+    """Of the default system and of the instrument, whose high-pass leaves what it does not measure."""
     entries = {(e["system"], e["case"], e["requirement"], e["signal"]): e for e in found[1]}
     x = "plant.payload_rotation.x"
     ideal = entries["SystemStructure", "active", "blur of an exposure", x]

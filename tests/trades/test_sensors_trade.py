@@ -18,11 +18,11 @@ SYSTEM = Path(__file__).parents[2] / "system" / "InertialSensors.ssd"
 
 @pytest.fixture(scope="module")
 def found(built_fmus, tmp_path_factory):
-    """The analysis with few corners and two short runs, and what it has written."""
+    """The analysis with few high-pass frequencies and two short runs, and what it has written."""
     output = tmp_path_factory.mktemp("sensors")
     options = AnalysisOptions(output, built_fmus, SYSTEM, progress=False)
     runs = {"navigation": (3.0,), "mems": (3.0,)}
-    result = sensors.analyse(options, 20.0, runs, corners=np.geomspace(0.01, 3.0, 7), points=150)
+    result = sensors.analyse(options, 20.0, runs, highpasses=np.geomspace(0.01, 3.0, 7), points=150)
     result.write(output)
     return result, json.loads((output / "sensors.json").read_text()), output
 
@@ -64,7 +64,7 @@ def test_a_bias_goes_where_the_closed_form_says(found):
 
 
 def test_the_largest_noise_density_reaches_the_jitter():
-    """With one per cent more noise no corner reaches it, with one per cent less the best one does."""
+    """With one per cent more noise no frequency reaches it, with one per cent less the best one does."""
     trade = compute_trade(SYSTEM.parent / "parameters", np.geomspace(0.01, 3.0, 7), points=60)
     off, reached = [], 0
     for crossover, white in trade.white.items():
@@ -82,25 +82,25 @@ def test_the_largest_noise_density_reaches_the_jitter():
     assert reached > 4
     verify_claim(
         "sensor.largest_density",
-        claim="Largest noise density of an accelerometer that reaches a jitter, at the best corner",
+        claim="Largest noise density of an accelerometer that reaches a jitter, at the best high-pass frequency",
         where="`ps-fmu analyse sensors`: terminal, report, table",
-        reference="variances added by hand: with 1 % more noise no corner reaches it, with 1 % less the best one does",
+        reference="variances added by hand: with 1 % more noise no frequency reaches it, with 1 % less the best does",
         error=off,
         bound=0.0,
         unit="beyond the jitter",
     )
 
 
-def test_a_system_of_ones_own(built_fmus, tmp_path, ssv):
+def test_a_system_of_ones_own(built_fmus, tmp_path):
     """The telescope on all eight FMUs: closed form and runs agree, and what is no noise is left out.
 
-    Its arrays have twenty times their damping, so that they have settled when the record begins.
+    The run waits until its arrays, damping ratio 0.005, have settled.
     """
-    own, damped = tmp_path / "own.ssv", ssv({f"plant.bus.mode_{k}.damping_ratio": 0.1 for k in range(1, 5)})
+    own = tmp_path / "own.ssv"
     assert main(["parameters", "telescope.toml", "--system", "FullInstrument.ssd", "--output", str(own)]) == 0
     system = SYSTEM.with_name("FullInstrument.ssd")
-    options = AnalysisOptions(tmp_path, built_fmus, system, progress=False, parameters=(own, damped))
-    result = sensors.analyse(options, 20.0, {"navigation": (3.0,)}, corners=np.geomspace(0.03, 3.0, 4), points=120)
+    options = AnalysisOptions(tmp_path, built_fmus, system, progress=False, parameters=(own,))
+    result = sensors.analyse(options, 20.0, {"navigation": (3.0,)}, highpasses=np.geomspace(0.03, 3.0, 4), points=120)
     (run,) = result.data["runs"]
     verify_claim(
         "sensor.own_system",
@@ -116,9 +116,9 @@ def test_a_system_of_ones_own(built_fmus, tmp_path, ssv):
 
 def test_the_default_system_is_the_papers(built_fmus):
     """Read from the FMUs' start values, and from the parameter set: the same numbers, to rounding."""
-    corners = np.array([0.03, 1.0])
+    highpasses = np.array([0.03, 1.0])
     of_fmus, of_paper = (
-        compute_trade(SYSTEM.parent / "parameters", corners, points=40, system=one)
+        compute_trade(SYSTEM.parent / "parameters", highpasses, points=40, system=one)
         for one in (read_system(SYSTEM, built_fmus), None)
     )
     for name in CLASSES:
@@ -135,13 +135,13 @@ def test_the_answers(found):
     looped = {name: np.array(data["classes"][name][f"jitter_rad, loop {CROSSOVERS[-1]:g} Hz"]) for name in CLASSES}
     alone = data["loop_alone_rad"][f"{CROSSOVERS[-1]:g}"]
     assert looped["seismic"].min() < 4e-7 < looped["navigation"].min() < alone < looped["tactical"].min()
-    # The noisier the part, the higher the corner that suits it.
+    # The noisier the part, the higher the high-pass frequency that suits it.
     assert looped["seismic"].argmin() < looped["navigation"].argmin()
     text = " ".join(found[0].text)
     assert "Better than the loop alone: seismic, navigation." in text
 
 
 def test_files(found):
-    for name in ("choice", "corners", "bias"):
+    for name in ("choice", "highpass", "bias"):
         assert (found[2] / f"sensors_{name}.png").stat().st_size > 20_000
     assert "| 1 | - |" in (found[2] / "sensors.md").read_text()

@@ -109,7 +109,7 @@ _TABLE = (
     ),
     Analysis(
         "sensors",
-        "residual jitter behind real accelerometers, the best high-pass corner, and what a line-of-sight loop adds",
+        "residual jitter behind real accelerometers, the best high-pass frequency, and what a line-of-sight loop adds",
         "ps_fmu.trades.sensors.report:analyse",
         system="InertialSensors.ssd",
         takes=OWN,

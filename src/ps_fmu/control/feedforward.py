@@ -150,7 +150,7 @@ class Controller:
 
     def matrices(self) -> tuple[Array, Array, Array, Array]:
         """A, B, C, D of ``x' = A x + B a``, ``f = C x + D a``."""
-        A, B = _filters(self.lowpass, self.filters)
+        A, B = make_filters(self.lowpass, self.filters)
         return A, self._driven(B), *self._outputs()
 
     def output_map(self) -> Array:
@@ -180,7 +180,7 @@ class Controller:
         return np.asarray(sum(filtered[..., None, None] * gain for filtered, gain in parts))
 
     def _driven(self, B: Array) -> Array:
-        """What drives the filters, (n, 6): :func:`_filters`' B with the forces made from the acceleration."""
+        """What drives the filters, (n, 6): B of :func:`make_filters` with the forces made from the acceleration."""
         return np.asarray(B[:, :6] + B[:, 6:] @ self.gains.acceleration)
 
     def _outputs(self) -> tuple[Array, Array]:
@@ -192,31 +192,12 @@ class Controller:
         return C, low.d * self.gains.acceleration
 
 
-@dataclass(frozen=True, eq=False)
-class TurningController:
-    """The controller on the way from one orientation to another: gains linear between those of the two.
-
-    With ``k`` from 0 to 1 on the way, ``f = f_first + k (f_second - f_first)``.  Of the step map, only what comes from
-    displacement, velocity and acceleration changes on the way, so that it has columns for ``k`` times these.
-    """
-
-    first: Controller
-    second: Controller
-
-    def step_map(self, h: float) -> Array:
-        """[f; x](t + h) from [x; a; k p; k v; k a](t), see :meth:`Controller.step_map`; k is held over the step."""
-        n = self.first.n_states
-        first, second = self.first.step_map(h), self.second.step_map(h)
-        changing = np.r_[0:12, n : n + 6]
-        return np.hstack([first, second[:, changing] - first[:, changing]])
-
-
 def count_states(order: int) -> int:
     """Size of the state of a controller with a low-pass of an order."""
     return 12 + 3 * order
 
 
-def _filters(lowpass: Lowpass, filters: FeedforwardFilters) -> tuple[Array, Array]:
+def make_filters(lowpass: Lowpass, filters: FeedforwardFilters) -> tuple[Array, Array]:
     """A and B of ``x' = A x + B [q_b''; K_a q_b'']``, (n, n) and (n, 9): the part that no pose changes."""
     n, omega = count_states(lowpass.order), 2.0 * np.pi * filters.highpass_frequency
     A, B = np.zeros((n, n)), np.zeros((n, 9))
@@ -233,7 +214,7 @@ def _filters(lowpass: Lowpass, filters: FeedforwardFilters) -> tuple[Array, Arra
 @lru_cache(maxsize=8)
 def _held_filters(lowpass: Lowpass, filters: FeedforwardFilters, h: float) -> tuple[Array, Array]:
     """The filters over a step of ``h`` (s) with the input held; read-only."""
-    held = zero_order_hold(*_filters(lowpass, filters), h)
+    held = zero_order_hold(*make_filters(lowpass, filters), h)
     for matrix in held:
         matrix.setflags(write=False)
     return held

@@ -10,14 +10,14 @@ import ctypes
 from collections.abc import Sequence
 from contextlib import suppress
 from ctypes import POINTER, Structure, c_double, c_int64, c_void_p
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 
 from ..native import NotCompiledError, load
-from .modes import MOST_BUS_MODES, MOST_PAYLOAD_MODES, MOST_TRUSS_MODES, BusMode, PayloadMode, TrussMode
-from .parameters import Bus, CoarseServo, Manipulator, Optics, Payload
-from .quantities import Array
+from .modes import MOST_BUS_MODES, MOST_PAYLOAD_MODES, MOST_TRUSS_MODES, BusMode, PayloadMode, TrussMode, drop_unused
+from .parameters import Bus, CoarseLeg, CoarseServo, Manipulator, Optics, Payload
+from .quantities import Array, ParameterError
 from .signals import N_OUTPUTS
 
 #: Sizes of the input, and of the largest state.
@@ -59,7 +59,7 @@ class Place(Structure):
     def of(cls, translation_B: Array, rotation_BP: Array, nominal: tuple[Array, Array], attitude: Array) -> Place:
         """Of the platform in B, (3,) m and (3, 3); by the coarse legs alone; and the attitude (4,) of B."""
         numbers = np.concatenate([translation_B, rotation_BP.ravel(), nominal[0], nominal[1].ravel(), attitude])
-        return cls.from_buffer_copy(numbers)
+        return cls.from_buffer_copy(numbers.tobytes())
 
 
 class Point(Structure):
@@ -102,13 +102,14 @@ with suppress(NotCompiledError):  # whoever needs it is told; an FMU's folder go
 
 
 class Mechanism:
-    """Parameters as the compiled functions take them.
+    """Parameters as the compiled functions take them, and these functions.
+
+    Modes in unused places at the end have no coordinates.  Without servo and optics there is no motion of the coarse
+    actuators and no image point.
 
     Parameters
     ----------
-    bus_modes, payload_modes: those that have coordinates.
-    rod_damping: of each coarse rod, N.s/m, which depends on the mass that it carries.
-    prescribed: the base moves as its input says; its mass and modes are left out.
+    prescribed: the base moves as its input states; mass and modes of the bus are left out.
     """
 
     def __init__(
@@ -116,59 +117,65 @@ class Mechanism:
         manipulator: Manipulator,
         payload: Payload,
         bus: Bus,
-        bus_modes: Sequence[BusMode],
-        payload_modes: Sequence[TrussMode | PayloadMode],
         servo: CoarseServo | None = None,
         optics: Optics | None = None,
-        rod_damping: Array | float = 0.0,
         *,
         prescribed: bool = False,
     ) -> None:
         self.struct = m = _Mechanism()
-        self.n = 12 + len(bus_modes) + len(payload_modes)
         geometry, rods = manipulator.geometry, manipulator.coarse_rods
-        legs = manipulator.coarse_legs + manipulator.fine_legs
         m.base_joint[:] = geometry.base_joints_B.ravel()
         m.platform_joint[:] = geometry.platform_joints_P.ravel()
-        m.leg[:] = [
-            number
-            for leg in legs
-            for number in (
-                leg.upper.mass, leg.lower.mass,
-                leg.upper.mass * leg.upper.com_distance, leg.lower.mass * leg.lower.com_distance,
-                sum(part.radial_inertia + part.mass * part.com_distance**2 for part in (leg.upper, leg.lower)),
-            )
-        ]  # fmt: skip
+        (upper, lower), firsts, second = leg_moments(manipulator.coarse_legs + manipulator.fine_legs)
+        m.leg[:] = np.hstack([upper, lower, *firsts, second]).ravel()
         m.payload[:] = _join(payload.mass, payload.com_P, payload.inertia_P)
         m.nominal_lengths[:], m.radius = geometry.nominal_lengths, geometry.platform_radius
         m.leg_stiffness[:] = [*(3 * [rods.axial_stiffness]), *(leg.stiffness for leg in manipulator.fine_legs)]
-        m.leg_damping[:] = [*(rod_damping + np.zeros(3)), *(leg.damping for leg in manipulator.fine_legs)]
+        m.leg_damping[3:] = [leg.damping for leg in manipulator.fine_legs]
         m.mask[:] = [*(3 * [float(rods.axial_stiffness > 0.0)]), 1.0, 1.0, 1.0, *(6 * [float(not prescribed)])]
         if servo is not None:
             omega = 2.0 * np.pi * servo.frequency
             m.servo_stiffness, m.servo_damping = omega**2, 2.0 * servo.damping_ratio * omega
         if optics is not None:
             m.focal_length = optics.focal_length
+        bus_modes: Sequence[BusMode] = () if prescribed else drop_unused(bus.modes)
+        payload_modes: Sequence[TrussMode | PayloadMode] = drop_unused((*payload.truss_modes, *payload.modes))
+        counts = ("bus", len(bus_modes), len(m.bus_modes)), ("payload", len(payload_modes), len(m.payload_modes))
+        for name, found, most in counts:
+            if found > most:
+                raise ParameterError(f"{name}.modes", f"{found} modes; at most {most} are possible")
         m.n_bus, m.n_payload = len(bus_modes), len(payload_modes)
         less = np.zeros((6, 6))
         if not prescribed:
             m.bus[:] = _join(bus.mass, bus.com_B, bus.inertia_B)
             for to, mode in zip(m.bus_modes, bus_modes, strict=False):
-                _fill(to, mode.participation_B, np.zeros((3, 3)), 1.0, mode, np.zeros(2))
+                _fill(to, mode.participation_B, np.zeros(6), 1.0, mode, np.zeros(2))
                 less += mode.active * np.outer(mode.participation_B, mode.participation_B)
         m.bus_less[:] = less.ravel()
         less, turning = np.zeros((6, 6)), np.zeros((6, 6))
         sensitivity = 0.0 if optics is None else optics.truss_sensitivity
         for into, own in zip(m.payload_modes, payload_modes, strict=False):
-            of = own.place_on_payload(sensitivity)
-            r, along = of.position_P, of.direction_P
-            momentum = of.mass * np.concatenate([along, np.cross(r, along) + of.moment_P])
-            inertia = of.mass * (2.0 * (r @ along) * np.eye(3) - np.outer(r, along) - np.outer(along, r))
-            _fill(into, momentum, inertia, of.mass, own, of.line_of_sight)
+            mass, r, along, moment, sight = own.place_on_payload(sensitivity)
+            momentum = mass * np.concatenate([along, np.cross(r, along) + moment])
+            inertia = mass * (2.0 * (r @ along) * np.eye(3) - np.outer(r, along) - np.outer(along, r))[_UPPER]
+            _fill(into, momentum, inertia, mass, own, sight)
             if own.active:
-                less += np.outer(momentum, momentum) / of.mass
-                turning += np.outer(momentum, inertia[_UPPER]) / of.mass
+                less += np.outer(momentum, momentum) / mass
+                turning += np.outer(momentum, inertia) / mass
         m.payload_less[:], m.payload_turning[:] = less.ravel(), turning.ravel()
+        self._rod_damping = 2.0 * rods.damping_ratio * np.sqrt(rods.axial_stiffness)
+
+    @property
+    def n(self) -> int:
+        """Number of coordinates, those that are switched off included."""
+        return 12 + int(self.struct.n_bus) + int(self.struct.n_payload)
+
+    def damp_rods(self, M: Array) -> Array:
+        """Damping (3,) of the coarse rods, N.s/m, with the masses that they carry in M (n, n); taken from then on."""
+        first = 9 + int(self.struct.n_bus)
+        damping = self._rod_damping * np.sqrt(M.diagonal()[first : first + 3])
+        self.struct.leg_damping[:3] = damping
+        return np.asarray(damping)
 
     @property
     def n_states(self) -> int:
@@ -190,9 +197,10 @@ class Mechanism:
     def linearise(self, point: Point) -> tuple[Array, Array, Array, Array, Array, Array]:
         """A, B, C, D about a point, and the reaction by state and input (6, ...)."""
         n, m = self.n_states, N_MOVING_INPUTS
-        result = tuple(np.empty((rows, columns)) for rows in (n, N_OUTPUTS, 6) for columns in (n, m))
-        find_library().mechanism_linearise(self.struct, point, *(matrix.ctypes.data for matrix in result), 0, n + m)
-        return result
+        A, B, C, D, E, F = (np.empty((rows, columns)) for rows in (n, N_OUTPUTS, 6) for columns in (n, m))
+        data = (matrix.ctypes.data for matrix in (A, B, C, D, E, F))
+        find_library().mechanism_linearise(self.struct, point, *data, 0, n + m)
+        return A, B, C, D, E, F
 
     def differentiate(self, point: Point, dx: Array, du: Array) -> tuple[Array, Array, Array]:
         """Derivatives of rates, outputs and reaction along one direction."""
@@ -232,6 +240,23 @@ class Mechanism:
         return t, R
 
 
+@lru_cache(maxsize=8)
+def leg_moments(legs: tuple[CoarseLeg, ...]) -> tuple[tuple[Array, Array], tuple[Array, Array], Array]:
+    """Mass (kg) and first moment from its own joint (kg.m) of upper and lower parts, second moment of both (kg.m2).
+
+    All (legs, 1), along the leg; read-only.
+    """
+    upper, lower = (
+        np.array([[part.mass, part.com_distance, part.radial_inertia] for part in parts]).T[..., None]
+        for parts in ([leg.upper for leg in legs], [leg.lower for leg in legs])
+    )
+    second = np.asarray(sum(inertia + mass * com**2 for mass, com, inertia in (upper, lower)))
+    moments = (upper[0], lower[0]), (upper[0] * upper[1], lower[0] * lower[1]), second
+    for array in (upper, lower, *moments[1], second):
+        array.setflags(write=False)
+    return moments
+
+
 def _join(mass: float, com: Array, inertia_com: Array) -> Array:
     """(10,) mass, first moment and inertia about the origin."""
     inertia = inertia_com + mass * (com @ com * np.eye(3) - np.outer(com, com))
@@ -242,6 +267,6 @@ def _fill(
     to: Mode, momentum: Array, inertia: Array, mass: float, mode: BusMode | TrussMode | PayloadMode, sight: Array
 ) -> None:
     omega = 2.0 * np.pi * mode.frequency
-    to.momentum[:], to.inertia[:], to.sight[:] = momentum, inertia[_UPPER], sight
+    to.momentum[:], to.inertia[:], to.sight[:] = momentum, inertia, sight
     to.stiffness, to.damping = omega**2 * mass, 2.0 * mode.damping_ratio * omega * mass
     to.mass, to.mobility = mass, 1.0 / mass if mode.active else 0.0

@@ -22,8 +22,7 @@ from numpy.typing import NDArray
 
 from .centre import Centre
 from .convection import COARSE
-from .linear_model import Matrices, PlantModel
-from .matrices import find_state
+from .linear_model import Matrices, PlantModel, find_state
 from .quantities import Array
 from .signals import N_OUTPUTS, TIME, count_states, servo_slices
 from .slews import Way, find_attitude, find_centre

@@ -32,11 +32,12 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from .compiled import Mechanism, leg_moments
 from .kinematics import Geometry, Jacobians, LegLines, find_leg_lines, jacobians, leg_rows
 from .modes import BusMode, PayloadMode, TrussMode, drop_unused
 from .parameters import Bus, CoarseLeg, Manipulator, Payload
 from .quantities import Array
-from .rotations import cross, skew
+from .rotations import skew
 
 #: Groups of coordinates that :func:`assemble` can leave out.
 GROUPS = ("d_f", "q_b", "x_m", "e_c", "x_t")
@@ -70,23 +71,6 @@ class LegMass:
     def __getitem__(self, k: int) -> LegMass:
         """At one pose of many."""
         return LegMass(self.alpha[k], self.alpha_beta[k], self.beta[k], self.points[k], self.forces[k])
-
-
-@lru_cache(maxsize=8)
-def leg_moments(legs: Legs) -> tuple[tuple[Array, Array], tuple[Array, Array], Array]:
-    """Mass (kg) and first moment from its own joint (kg.m) of upper and lower parts, second moment of both (kg.m2).
-
-    All (legs, 1), along the leg; read-only.
-    """
-    upper, lower = (
-        np.array([[part.mass, part.com_distance, part.radial_inertia] for part in parts]).T[..., None]
-        for parts in ([leg.upper for leg in legs], [leg.lower for leg in legs])
-    )
-    second = np.asarray(sum(inertia + mass * com**2 for mass, com, inertia in (upper, lower)))
-    moments = (upper[0], lower[0]), (upper[0] * upper[1], lower[0] * lower[1]), second
-    for array in (upper, lower, *moments[1], second):
-        array.setflags(write=False)
-    return moments
 
 
 def leg_mass(legs: Legs, geometry: Geometry, translation_B: Array, rotation_BP: Array) -> LegMass:
@@ -164,7 +148,7 @@ class Dynamics:
 
     pose: Pose
     jacobians: Jacobians
-    legs: LegMass
+    system: FlexibleSystem
     M: Array  # (..., n, n) kg, kg.m, ...
     C: Array  # (..., n, n)
     K: Array  # (n, n)
@@ -175,8 +159,14 @@ class Dynamics:
 
     def __getitem__(self, k: int) -> Dynamics:
         """At one pose of many."""
-        by_pose = self.pose[k], self.jacobians[k], self.legs[k], self.M[k], self.C[k], self.K
+        by_pose = self.pose[k], self.jacobians[k], self.system, self.M[k], self.C[k], self.K
         return Dynamics(*by_pose, self.m_c[k], self.locked[k], self.active, self.slices)
+
+    @cached_property
+    def legs(self) -> LegMass:
+        """Of the legs alone."""
+        manipulator = self.system.manipulator
+        return leg_mass_on(manipulator.coarse_legs + manipulator.fine_legs, manipulator.geometry, self.jacobians)
 
     @property
     def n(self) -> int:
@@ -246,34 +236,23 @@ class FlexibleSystem:
 
     def at(self, pose: Pose, J: Jacobians | None = None) -> Dynamics:
         """The full model at a pose, or at many at once; ``J``: the Jacobians there, if they are known."""
-        geometry = self.manipulator.geometry
         if J is None:
-            J = jacobians(geometry, pose.translation_B, pose.rotation_BP)
-        legs = leg_mass_on(self._legs, geometry, J)
-        _, q_b, _, e_c, x_t = (self._slices[group] for group in GROUPS)
-        M_fixed, C_fixed, K, active = self._fixed
-
-        # Platform twist from q, then the quadratic forms of eqs (20)-(23); that of the base is q_b itself.
-        platform = _make_platform_rows(J, self._slices)
-        M = platform.mT @ (payload_mass(self.payload, pose.rotation_BP) + legs.alpha) @ platform
-        both = platform.mT @ legs.alpha_beta
-        M[..., q_b] += both
-        M[..., q_b, :] += both.mT
-        M[..., q_b, q_b] += legs.beta
-        locked = M[..., q_b, q_b].copy()
-        M += M_fixed
-        # The masses of the modes move with the platform and along their own directions.
-        mass, position_B, along_B, moments_B = self.modes_at(pose.rotation_BP)
-        moments_B = cross(position_B, along_B) + moments_B
-        with_platform = mass[:, None] * (np.concatenate([along_B, moments_B], axis=-1) @ platform)
-        M[..., x_t, :] += with_platform
-        M[..., x_t] += with_platform.mT
+            J = jacobians(self.manipulator.geometry, pose.translation_B, pose.rotation_BP)
+        C_fixed, K, active = self._fixed
+        n, e_c, batch = self.n, self._slices["e_c"], J.J_pl.shape[:-2]
+        M, m_c, locked = np.empty((*batch, n, n)), np.empty((*batch, n, 3)), np.empty((*batch, 6, 6))
         C = np.empty_like(M)
         C[:] = C_fixed
-        rods, flat = self.manipulator.coarse_rods, (*M.shape[:-2], -1)
-        masses, damping = (each.reshape(flat)[..., :: self.n + 1][..., e_c] for each in (M, C))  # on the diagonal
-        damping[:] = 2.0 * rods.damping_ratio * np.sqrt(rods.axial_stiffness * masses)
-        return Dynamics(pose, J, legs, M, C, K, M[..., e_c].copy(), locked, active, self._slices)
+        for k in np.ndindex(batch):
+            M[k], m_c[k], locked[k] = self._mechanism.find_masses(
+                pose.translation_B[k], pose.rotation_BP[k], J.J_pl[k]
+            )
+            C[(*k, e_c, e_c)] = np.diag(self._mechanism.damp_rods(M[k]))
+        return Dynamics(pose, J, self, M, C, K, m_c, locked, active, self._slices)
+
+    @cached_property
+    def _mechanism(self) -> Mechanism:
+        return Mechanism(self.manipulator, self.payload, self.bus)
 
     @property
     def n(self) -> int:
@@ -302,8 +281,7 @@ class FlexibleSystem:
     @property
     def bus_mass(self) -> Array:
         """(6, 6) mass matrix of the bus, see :func:`bus_mass`."""
-        q_b = self._slices["q_b"]
-        return self._fixed[0][q_b, q_b]
+        return bus_mass(self.bus)
 
     def modes_at(self, rotation_BP: Array) -> tuple[Array, Array, Array, Array]:
         """Masses (n,) of the modes of the payload, kg; places from the origin of P, directions, moments.
@@ -346,31 +324,27 @@ class FlexibleSystem:
         return np.array([mode.mass for mode in modes]), position, direction, moment
 
     @cached_property
-    def _fixed(self) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
-        """M, C, K without what the pose adds, and which coordinates are active; M of the bus alone, eq (25)."""
-        d_f, q_b, x_m, e_c, x_t = (self._slices[group] for group in GROUPS)
+    def _fixed(self) -> tuple[Array, Array, NDArray[np.bool_]]:
+        """C without the rods, K, and which coordinates are active."""
+        d_f, _, x_m, e_c, x_t = (self._slices[group] for group in GROUPS)
         n = x_t.stop
-        M, C, K, active = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n)), np.ones(n, dtype=bool)
-        M[q_b, q_b] = bus_mass(self.bus)
+        C, K, active = np.zeros((n, n)), np.zeros((n, n)), np.ones(n, dtype=bool)
         for k, leg in enumerate(self.manipulator.fine_legs, d_f.start):
             K[k, k], C[k, k] = leg.stiffness, leg.damping
-        for k, mode in enumerate(self._bus_modes, x_m.start):
-            omega = TWO_PI * mode.frequency
-            M[q_b, k] = M[k, q_b] = mode.participation_B  # M_b12
-            M[k, k], C[k, k], K[k, k] = 1.0, 2.0 * mode.damping_ratio * omega, omega**2
-            active[k] = mode.active
         masses = self._on_payload[0].tolist()
-        for k, (own, mass) in enumerate(zip(self._payload_modes, masses, strict=True), x_t.start):
-            omega = TWO_PI * own.frequency
-            M[k, k], C[k, k], K[k, k] = mass, 2.0 * own.damping_ratio * omega * mass, omega**2 * mass
-            active[k] = own.active
+        modes = [*zip(self._bus_modes, len(self._bus_modes) * [1.0], strict=True)]
+        for first, own in ((x_m.start, modes), (x_t.start, [*zip(self._payload_modes, masses, strict=True)])):
+            for k, (mode, mass) in enumerate(own, first):
+                omega = TWO_PI * mode.frequency
+                C[k, k], K[k, k] = 2.0 * mode.damping_ratio * omega * mass, omega**2 * mass
+                active[k] = mode.active
         stiffness = self.manipulator.coarse_rods.axial_stiffness
         for k in range(e_c.start, e_c.stop):
             K[k, k] = stiffness
         active[e_c] = stiffness > 0.0
         for shared in (K, active):
             shared.setflags(write=False)
-        return M, C, K, active
+        return C, K, active
 
 
 @lru_cache(maxsize=8)

@@ -217,7 +217,7 @@ class Inverse:
 
 
 def find_mass(p: dict[str, SX], z: dict[str, SX], J_pl: SX, payload: Body, bus: Body) -> tuple[SX, SX, SX]:
-    """(12, 12) mass of legs' lengths and base; (6, 12) to accelerations of P, in P; (6, 6) of base, legs and payload."""
+    """(12, 12) mass of legs' lengths and base; (6, 12) to accelerations of P, in P; (6, 6) of all but the bus."""
     t, R = z["translation"], z["rotation"]
     legs = [Leg(p, z, i) for i in range(6)]
     turn = ca.diagcat(R, R)
@@ -305,7 +305,7 @@ def flat(matrix: SX) -> SX:
 
 
 def derive_accelerations() -> ca.Function:
-    """All accelerations, and what else :func:`derive_change` needs."""
+    """All accelerations, and what their derivatives take."""
     p, z, J, P, Z = make_symbols()
     mask = SX.sym("mask", 12)
     J_pl, given = square(J), Z["given"]
@@ -329,7 +329,7 @@ def derive_accelerations() -> ca.Function:
 
 
 def derive_change() -> ca.Function:
-    """Derivative of the residual along a direction ``dz`` of :data:`MOTION`, accelerations held."""
+    """Derivative of the residual along a direction dz, accelerations held."""
     p, z, J, P, Z = make_symbols()
     dz, kept, accelerations = SX.sym("dz", z.numel()), SX.sym("kept", 18), SX.sym("accelerations", 12)
     twist, relative, along = kept[:6], kept[6:12], kept[12:]
@@ -349,7 +349,7 @@ def derive_change() -> ca.Function:
 
 
 def derive_masses() -> ca.Function:
-    """Mass of legs' lengths and base, (12, 12), with all modes held; and of legs and payload as one body on the base."""
+    """Mass of legs' lengths and base, with all modes held; and of legs and payload as one body on the base."""
     p, z, J, P, Z = make_symbols()
     M, to_platform, locked = find_mass(P, Z, square(J), *make_bodies(P, Z, whole=True))
     return make("masses", {"p": p, "z": z, "J_pl": J}, {
@@ -380,7 +380,7 @@ def derive_momentum() -> ca.Function:
 
 
 def derive_legs() -> ca.Function:
-    """Lengths of the legs, J_lp of eq (6), and its inverse by blocks, which divides by the determinant ``divisor``."""
+    """Lengths of the legs, J_lp of eq (6), and its inverse by blocks, which divides by the divisor."""
     p, z, _, P, Z = make_symbols()
     legs = [Leg(P, Z, i) for i in range(6)]
     J_lp = ca.vertcat(*(leg.on_platform.T for leg in legs))

@@ -31,15 +31,16 @@ from typing import NamedTuple
 import numpy as np
 
 from .centre import Centre
-from .convection import convective_forces
+from .compiled import N_MOVING_INPUTS, Mechanism
+from .compiled import Place as CompiledPlace
+from .convection import COARSE, FINE, TURN, convective_forces
 from .discretisation import make_held_step_map, zero_order_hold
 from .dynamics import Dynamics, FlexibleSystem, Pose
 from .kinematics import Jacobians, KinematicsError, forward_kinematics, jacobians
-from .matrices import Nominal, Orientation, make_output_matrices, make_rate_matrices, turn_base
 from .parameters import Bus, CoarseServo, Manipulator, Optics, Parameters, Payload
 from .quantities import Array, ParameterError, group
-from .rotations import IDENTITY, GimbalLockError, rotation_from_vector
-from .signals import ADDED, N_INPUTS, TIME, count_states, servo_slices
+from .rotations import IDENTITY, GimbalLockError, orientation_rate_map, roll_pitch_yaw, rotation_from_vector
+from .signals import ADDED, N_INPUTS, N_OUTPUTS, TIME, count_states, servo_slices
 
 _ONE = slice(N_INPUTS - 1, N_INPUTS)
 _SHORT = 1e-4  # m, for differences
@@ -187,7 +188,7 @@ class Plant:
         ``beside`` (m, 6): other displacements of the legs, m.  Raises as :meth:`linearise_about_all`.
         """
         found = self._linearise([centre, *ends], beside)
-        return found.make_model(0), [found.get_matrices(k) for k in range(1, 1 + len(ends))], found.beside
+        return found.make_model(0), found.matrices[1:], found.beside
 
     def _linearise(self, centres: Sequence[Centre], beside: Array) -> _Linearised:
         try:
@@ -199,8 +200,8 @@ class Plant:
             ) from error
         return self._find_matrices(centres, *places)
 
-    def _find_places(self, centres: Sequence[Centre], beside: Array) -> tuple[Place, Orientation, Nominal, Place]:
-        """Where the platform is by all legs and by the coarse ones alone: the same, if no fine one is deformed.
+    def _find_places(self, centres: Sequence[Centre], beside: Array) -> tuple[Place, Array, Pose, Place]:
+        """Where the platform is by all legs; nominal roll, pitch and yaw, and pose, by the coarse legs alone.
 
         Then where it is by the displacements ``beside``.  All at once takes little more than one.
         """
@@ -218,19 +219,13 @@ class Plant:
         start = geometry.nominal_translation_B + motion[:, :3], rotation_from_vector(motion[:, 3:])
         found = forward_kinematics(geometry, geometry.nominal_lengths + moved, *start)
         t, R = found.translation_B, found.R
-        J, orientation = jacobians(geometry, t, R, found.legs), Orientation.of(R[:n])
+        J, rpy = jacobians(geometry, t, R, found.legs), roll_pitch_yaw(R[:n])
+        orientation_rate_map(rpy)  # it refuses what has no angles
         present = Place(Pose(t[:k], R[:k]), J[:k])
-        others = Place(Pose(t[n:], R[n:]), J[n:])
-        if not deformed:
-            return present, orientation, Nominal(present.pose, J.J_pc[:k], orientation), others
-        if len(deformed) == k:
-            at: slice | list[int] = slice(k, n)
-        else:
-            at = list(range(k))
-            for place, i in enumerate(deformed, k):
-                at[i] = place
-        nominal = Nominal(Pose(t[at], R[at]), J.J_pc[at], orientation.take(at))
-        return present, orientation.take(slice(0, k)), nominal, others
+        at = list(range(k))
+        for place, i in enumerate(deformed, k):
+            at[i] = place
+        return present, rpy[at], Pose(t[at], R[at]), Place(Pose(t[n:], R[n:]), J[n:])
 
     @cached_property
     def _by_legs(self) -> tuple[Array, Array]:
@@ -249,22 +244,50 @@ class Plant:
         return J, 0.25 * (change.transpose(1, 0, 2) + change.transpose(1, 2, 0))
 
     def _find_matrices(
-        self, centres: Sequence[Centre], present: Place, orientation: Orientation, nominal: Nominal, beside: Place
+        self, centres: Sequence[Centre], present: Place, rpy: Array, nominal: Pose, beside: Place
     ) -> _Linearised:
-        """Three at once take 0.8 ms with their poses, one 0.6: to make them in steps of their own would save little."""
-        system, centre = self.system, Centre.stack(centres)
-        d = system.at(*present)
-        convection = convective_forces(system, d, centre.speeds) if centre.speeds.any() else None
-        A, B = make_rate_matrices(d, centre, convection, self.servo)
-        accelerations = slice(d.n, 2 * d.n)
-        rows = A[:, accelerations], B[:, accelerations]
-        C, D = make_output_matrices(d, orientation, nominal, centre, self.optics, self._turns_P, rows)
-        turn_base(A, B, d, centre)
-        return _Linearised(self, centres, d, nominal.orientation.rpy, convection, (A, B, C, D), beside)
+        d = self.system.at(*present)
+        matrices = []
+        for k, centre in enumerate(centres):
+            self.mechanism.damp_rods(d.M[k])
+            matrices.append(self._find_matrices_about(centre, _find_place(d.pose[k], nominal[k], centre), d))
+        stacked = Centre.stack(centres)
+        convection = convective_forces(self.system, d, stacked.speeds) if stacked.speeds.any() else None
+        return _Linearised(self, centres, d, rpy, convection, matrices, beside)
+
+    def _find_matrices_about(self, centre: Centre, place: CompiledPlace, d: Dynamics) -> Matrices:
+        x, still, (s, ds, r) = find_state(centre, d), np.zeros(N_MOVING_INPUTS), servo_slices(d.n)
+        resting = x.copy()
+        resting[d.n : 2 * d.n], resting[ds], resting[r] = 0.0, 0.0, x[s]
+        x[r] = x[s] + self.servo.damping_ratio / (np.pi * self.servo.frequency) * x[ds]  # it does not accelerate
+        t_b, _ = d.base_places()
+        resting[d.n + t_b.start : d.n + t_b.stop] = centre.velocity_B
+        held = still.copy()
+        held[0:3] = d.K.diagonal()[d.slices["d_f"]] * centre.fine
+        point = self.mechanism.evaluate(place, resting, held)
+        A, B, C, D, _, _ = self.mechanism.linearise(point)
+        outputs = point.read("outputs", N_OUTPUTS) - D @ held
+        if centre.speeds.any():
+            # Of what moves, how accelerations change with the speeds.
+            point = self.mechanism.evaluate(place, x, still)
+            by_state, _, to_outputs, _, _, _ = self.mechanism.linearise(point)
+            places = np.arange(d.n, 2 * d.n)
+            moving = np.concatenate([np.r_[t_b, ds], *(places[d.slices[group]] for group in ("d_f", "q_b", "e_c"))])
+            A[:, moving], C[:, moving] = by_state[:, moving], to_outputs[:, moving]
+            outputs = point.read("outputs", N_OUTPUTS)
+            left = point.read("rates", self.n_states) - A @ x
+        else:
+            left = np.zeros(len(A))
+        to_rates, to_outputs = np.zeros((len(A), N_INPUTS)), np.zeros((N_OUTPUTS, N_INPUTS))
+        given = slice(0, TIME.start)
+        to_rates[:, given], to_outputs[:, given] = B[:, given], D[:, given]
+        to_rates[:, _ONE.start], to_outputs[:, _ONE.start] = left, outputs - C @ x
+        return A, to_rates, C, to_outputs
 
     @cached_property
-    def _turns_P(self) -> Array:
-        return self.system.find_turns(self.optics.truss_sensitivity)
+    def mechanism(self) -> Mechanism:
+        """Its bodies, servos and optics in any motion; the damping of the rods is that of the last pose."""
+        return Mechanism(self.manipulator, self.payload, self.bus, self.servo, self.optics)
 
     @cached_property
     def system(self) -> FlexibleSystem:
@@ -308,21 +331,33 @@ class _Linearised(NamedTuple):
     dynamics: Dynamics
     rpy: Array
     convection: Array | None
-    matrices: Matrices
+    matrices: list[Matrices]
     beside: Place
-
-    def get_matrices(self, k: int) -> Matrices:
-        A, B, C, D = self.matrices
-        return A[k], B[k], C[k], D[k]
 
     def make_model(self, k: int) -> PlantModel:
         centre, plant = self.centres[k], self.plant
         forces = None if self.convection is None or not centre.speeds.any() else self.convection[k]
-        return PlantModel(centre, self.dynamics[k], self.rpy[k], forces, self.get_matrices(k), plant.servo)
+        return PlantModel(centre, self.dynamics[k], self.rpy[k], forces, self.matrices[k], plant.servo)
 
 
 def _list_mm(displacements: Array) -> str:
     return ", ".join(f"{1e3 * displacement:.4g}" for displacement in displacements)
+
+
+def _find_place(pose: Pose, nominal: Pose, centre: Centre) -> CompiledPlace:
+    by_coarse = nominal.translation_B, nominal.rotation_BP
+    return CompiledPlace.of(pose.translation_B, pose.rotation_BP, by_coarse, centre.attitude)
+
+
+def find_state(centre: Centre, d: Dynamics) -> Array:
+    """The state at a centre; references of the servos are zero."""
+    x = np.zeros(count_states(d.n))
+    d_f, (t_b, r_b), (s, ds, _) = d.slices["d_f"], d.base_places(), servo_slices(d.n)
+    x[d_f], x[t_b], x[r_b], x[s] = centre.fine, centre.position_B, centre.rotation_B, centre.coarse
+    of_q = x[d.n : 2 * d.n]
+    of_q[d_f], of_q[t_b], of_q[r_b] = centre.speeds[FINE], centre.velocity_B, centre.speeds[TURN]
+    x[ds] = centre.speeds[COARSE]
+    return x
 
 
 def momentum(model: PlantModel, x: Array) -> Array:

@@ -282,6 +282,12 @@ with suppress(NotCompiledError):  # whoever needs it is told; an FMU's folder go
 
 
 @cache
+def find_function(name: str) -> int:
+    """The address of a function, for :class:`ps_fmu.slavekit.author.elements.Call`.  Raises NotCompiledError."""
+    return ctypes.cast(getattr(find_library(), name), c_void_p).value or 0
+
+
+@cache
 def find_arithmetic() -> Arithmetic:
     """The functions by the instructions that this processor does best.  Raises NotCompiledError."""
     found: Arithmetic = find_library().numerics_find(b"").contents

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
-WINDOW_FACTOR = 5.0  # Sokal: lags up to 5 correlation times
+WINDOW_FACTOR = 2.5  # correlation times up to which lags are summed: 5 of Sokal's, whose time is half as long
 LEAST_RUNS = 5  # for a statement on the ensemble without order statistics
 LEAST_BATCHES, MOST_BATCHES = 64, 2048  # of a record, whose means show its slow part
 SEEN_AT = 0.95
@@ -32,7 +32,10 @@ DOUBTED = 0.2
 HIDDEN = 15.0
 """A slow part of so many stretches may have as much variance again in what is slower still."""
 SPARE = 5.0
-"""Squares that a mean square is worth less than its record suggests: a record that drifts hides how slow it is."""
+"""k squares of a record are worth k^2 / (k + SPARE) only: a record that drifts hides how slow it is."""
+LEAST_SQUARES = 3.0
+"""Gaussian squares that a mean square is worth at least: as many as a Markov process gives in 2.4 correlation times,
+x / (1 - (1 - exp(-2 x)) / (2 x)) in x of them.  In fewer, what is slow looks like a bias."""
 SKEWER = 1.6
 """Skewness of squares over that of a record, which seldom has the strongest bursts."""
 
@@ -208,14 +211,19 @@ def state_rms(rms: float, squares: ArrayLike, confidence: float, sizes: ArrayLik
     worth = weigh_record(series, np.sqrt(series) if sizes is None else sizes)
     deviation, mean = series - series.mean(), float(series.mean())
     spread = float(series.std())
-    freedom = max(1.0, worth.slowest - SPARE)
+    freedom = _allow(worth.slowest)
     independent = max(1.0, worth.independent * freedom / worth.slowest)
     # Few squares without a large one among them vary too little: they are worth no more than Gaussian ones.
     error = max(spread, math.sqrt(2.0) * mean) / math.sqrt(independent)
     skewness = SKEWER * float((deviation**3).mean()) / spread**3 if worth.independent > 1.0 else 0.0
     if skewness > 0.0:
-        freedom = max(1.0, min(freedom, 8.0 * independent / skewness**2))
+        freedom = max(LEAST_SQUARES, min(freedom, 8.0 * independent / skewness**2))
     return _state_rms(rms, error * (rms**2 / mean if mean else 1.0), freedom, worth.independent, confidence)
+
+
+def _allow(squares: float) -> float:
+    """See :data:`SPARE` and :data:`LEAST_SQUARES`."""
+    return max(LEAST_SQUARES, squares**2 / (squares + SPARE))
 
 
 def _state_rms(rms: float, error: float, freedom: float, independent: float, confidence: float) -> Statement:
@@ -307,9 +315,10 @@ def _reach(squares: float, confidence: float) -> float:
 def effective_samples(values: ArrayLike) -> float:
     """Return the number of independent samples, 1 to n, whose mean is as certain as that of a correlated record (n,).
 
-    n over the integrated correlation time tau = 1 + 2 sum rho_m, summed up to the first lag m of at least 5 tau
-    (A. D. Sokal, Monte Carlo methods in statistical mechanics, in: Functional Integration, Plenum 1997, 131-192).  The
-    mean of the record in place of the true mean reduces tau by the share (2 m + 1) / n, which is corrected (U. Wolff,
+    n over the integrated correlation time tau = 1 + 2 sum rho_m, summed up to the first lag m of at least 2.5 tau
+    (A. D. Sokal, Monte Carlo methods in statistical mechanics, in: Functional Integration, Plenum 1997, 131-192: 5 of
+    his tau, which is half of this).  Longer sums add more scatter than they find: their tau may run away.  The mean of
+    the record in place of the true mean reduces tau by the share (2 m + 1) / n, which is corrected (U. Wolff,
     Monte Carlo errors with less errors, Comput. Phys. Comm. 156 (2004) 143-153).  For the variance of a record give its
     squares; for a quantile give ``values <= quantile``.  A record of less than some 50 tau gives a poor estimate of
     tau, and a slow part beside a fast part is not detected; :func:`weigh_record` allows for both.
@@ -416,7 +425,7 @@ def state_rms_of_runs(squares: ArrayLike, confidence: float) -> Statement:
     if runs < LEAST_RUNS:
         return Statement(rms, confidence, -math.inf, math.inf, math.inf, float(runs), "mean square")
     error = max(float(each.std(ddof=1)), rms**2 * 1e-12) / math.sqrt(runs)
-    freedom = max(1.0, min(runs - 1.0, 2.0 * rms**4 / max(error**2, 1e-300)) - SPARE)
+    freedom = _allow(min(runs - 1.0, 2.0 * rms**4 / max(error**2, 1e-300)))
     return _state_rms(rms, error, freedom, float(runs), confidence)
 
 

@@ -12,9 +12,13 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from ..control.commander import Commander
 from ..cosim import UsageError, Value
 from ..cosim.description import index_variables
 from ..cosim.structure import parse_port
+from ..mechanism.parameters import load
+from ..mechanism.quantities import take_values
+from ..mechanism.rotations import from_rotation_matrix, multiply, rotation_matrix
 from ..pointing.spectra import rejection_percent
 from ..requirements.decision import quantile_of_record
 from ..results.tables import Table, format_angles, format_number, format_tables
@@ -33,6 +37,7 @@ Orientation: TypeAlias = tuple[float, float, float]
 """Roll, pitch, yaw."""
 
 TARGET = ("commander.target.roll", "commander.target.pitch", "commander.target.yaw")
+ATTITUDE = tuple(f"tracker.target_attitude.{k}" for k in "wxyz")
 AXES = ("x", "y", "z")
 ENABLED, LOOP = "isolator.enabled", "pointing.enabled"
 CASES = ("passive", "active")
@@ -144,7 +149,7 @@ def run_cases(
     only: names of the cases to run; empty: all.
     """
     roll, pitch, yaw = map(float, target)
-    targets = dict(zip(TARGET, (roll, pitch, yaw), strict=True))
+    targets = {**dict(zip(TARGET, (roll, pitch, yaw), strict=True)), **aim_tracker(system, (roll, pitch, yaw))}
     steps = lead_steps + options.steps
     judge = partial(
         JitterRecord,
@@ -167,12 +172,37 @@ def run_cases(
 
 def switch_loops(system: RunSystem, *, enabled: bool) -> dict[str, Value]:
     """The switches of a case: passive is without isolator and line-of-sight loop; active, the loop is as it is set."""
-    port = parse_port(LOOP)
-    if port.component not in system.descriptions or port.variable not in index_variables(
-        system.descriptions[port.component]
-    ):
-        return {ENABLED: enabled}
-    return {ENABLED: enabled, LOOP: enabled and system.get_start(LOOP)}
+    return {ENABLED: enabled, **({LOOP: enabled and system.get_start(LOOP)} if _has_port(system, LOOP) else {})}
+
+
+def aim_tracker(system: RunSystem, target: Orientation) -> dict[str, Value]:
+    """The target attitude of the tracker: that of the payload at a target of the commander, rad.
+
+    Empty without a tracker, where a parameter file of the user gives the attitude, and where the tracker or the
+    commander keeps its start: the commander refuses a target that is out of reach.
+    """
+    if not _has_port(system, ATTITUDE[0]) or not system.given.keys().isdisjoint(ATTITUDE):
+        return {}
+    attitude = dict(zip(ATTITUDE, find_attitude(system, target), strict=True))
+    if all(system.get_start(name) == value for name, value in attitude.items()):
+        return {}
+    own = {name: entry.value for name, entry in system.structure.component("commander").parameters.items()}
+    refused = take_values(Commander.from_parameters(load()), own).refusal(np.array(target))
+    return {} if refused else attitude
+
+
+def find_attitude(system: RunSystem, target: Orientation) -> tuple[float, float, float, float]:
+    """Attitude of the payload in inertial space, scalar first, at a target of the commander (rad), the base at rest."""
+    base = np.array([system.get_number(f"plant.initial_attitude.{k}") for k in "wxyz"])
+    attitude = multiply(base / np.linalg.norm(base), from_rotation_matrix(rotation_matrix(np.array(target))))
+    w, x, y, z = map(float, attitude)
+    return w, x, y, z
+
+
+def _has_port(system: RunSystem, name: str) -> bool:
+    port = parse_port(name)
+    found = system.descriptions.get(port.component)
+    return found is not None and port.variable in index_variables(found)
 
 
 def describe_runs(system: RunSystem, outcomes: Sequence[Outcome]) -> str:

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 
 from ..cosim import Column
 from ..cosim.recording.delivery import read_rows
-from ..mechanism.inverse_kinematics import trilaterate
+from ..mechanism.inverse_kinematics import inverse_kinematics
 from ..mechanism.kinematics import Geometry
-from ..mechanism.rotations import rotation_matrix
 from ..pointing.spectra import cumulative_rms, log_bands
 from ..results.datasets import open_results
 from ..results.observers.bins import Envelope, MeanObserver, Means
@@ -307,7 +306,7 @@ def _make_motion(case: str, kept: Means, geometry: Geometry) -> Motion:
         base_rotation=kept.of(BASE_ROTATION),
         payload_position=kept.of(PAYLOAD_POSITION),
         payload_rotation=kept.of(ROTATION),
-        nominal_position=trilaterate(geometry, rotation_matrix(orientation)).translation_B,
+        nominal_position=inverse_kinematics(geometry, orientation).translation_B,
         nominal_orientation=orientation,
     )
 

@@ -12,7 +12,6 @@ from functools import partial
 import numpy as np
 from tqdm import tqdm
 
-from ..mechanism.rotations import from_rotation_matrix, multiply, rotation_matrix
 from ..results.tables import format_tables
 from ..runs.cases import Case, Outcome, run_case
 from ..runs.options import OptionError, RunOptions
@@ -22,12 +21,14 @@ from ..runs.scenario import list_needs
 from ..runs.setup import DISTURBED, RunSystem
 from ..theory.line_of_sight import PointingLoop
 from .comparison import (
+    ATTITUDE,
     IN_CLOSED_FORM,
     LOOP,
     TARGET,
     Orientation,
     describe_alone,
     explain_refusal,
+    find_attitude,
     read_target,
     to_degrees,
 )
@@ -41,7 +42,6 @@ DEFAULT_TARGET = (float(np.radians(8.5)), 0.0, 0.0)
 START_S = 1.0  # the target changes
 HIDDEN_AT, HIDDEN_S = 2.0 / 3.0, 5.0  # of the duration; s
 SHORTEST_S = 3.0
-ATTITUDE = tuple(f"tracker.target_attitude.{k}" for k in "wxyz")
 VISIBLE = "tracker.target_visible"
 NEEDS = (
     *list_needs("input", *TARGET, *ATTITUDE),
@@ -118,10 +118,8 @@ def make_plan(system: RunSystem, options: RunOptions, target: Orientation) -> Pl
     start_s = np.ceil(START_S / step - 1e-6) * step
     hidden_s = round(HIDDEN_AT * options.duration_s / step) * step
     hidden = (float(hidden_s), float(hidden_s + round(HIDDEN_S / step) * step))
-    base = np.array([system.get_number(f"plant.initial_attitude.{k}") for k in "wxyz"])
-    attitude = multiply(base / np.linalg.norm(base), from_rotation_matrix(rotation_matrix(np.array(target))))
-    w, x, y, z = map(float, attitude)
-    return Plan(float(start_s), hidden if hidden[1] < options.duration_s else None, options.duration_s, (w, x, y, z))
+    attitude = find_attitude(system, target)
+    return Plan(float(start_s), hidden if hidden[1] < options.duration_s else None, options.duration_s, attitude)
 
 
 def make_case(name: str, enabled: bool, plan: Plan, target: Orientation) -> Case:

@@ -316,7 +316,7 @@ def _chart_split(pointing: Pointing) -> ChartGroup:
     parts = ("isolator", "active", shares.isolator), ("loop", "z", shares.loop), (
         "left to the payload", "passive", shares.left
     )  # fmt: skip
-    corner = pointing.loop.loop.controller.filters.highpass_frequency
+    crossover = pointing.loop.loop.controller.filters.highpass_frequency
     curves = [
         Curve(label, colour, np.where(np.abs(share) > SMALLEST_SHARE, np.abs(share), np.nan))
         for label, colour, share in parts
@@ -327,7 +327,7 @@ def _chart_split(pointing: Pointing) -> ChartGroup:
         "up to one, as complex numbers.",
         Axis("frequency", "Hz", frequency, logarithmic=True),
         [Chart("share of the bus's rotation", "1", curves, logarithmic=True)],
-        marked=[(f"crossover, {corner:g} Hz", corner)],
+        marked=[(f"crossover, {crossover:g} Hz", crossover)],
         stills=[Still("pointing_split.png")],
     )
 

@@ -17,7 +17,7 @@ step h.  With Z_T = (1 - exp(-s T)) / (s T) for a value that is held::
 
     d = Z_T exp(-s tau)  Z_h  [Z_c exp(-s (T_c + delay)) for a controller that samples each T_c]
 
-**Complementary split.**  Where the suspension is far above, the isolator with its high-pass corner w_s cancels the
+**Complementary split.**  Where the suspension is far above, the isolator with its high-pass frequency w_s cancels the
 share H of the bus's rotation, and the loop the share T of what the isolator leaves::
 
     H = s^2 / (s^2 + 2 zeta w_s s + w_s^2)        T = k d / (1 + k d)

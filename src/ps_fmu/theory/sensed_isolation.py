@@ -8,9 +8,9 @@ estimate, the fine forces are ``f = K_we (H s^2 q_b + n)``, and the payload's ro
 times the sensitivity S = (E + L)^-1 of a line-of-sight loop, if there is one (:mod:`.line_of_sight`).  n has the
 density ``P diag(S_k) P^T`` with the least-squares matrix P of the geometry and S_k of each sensor.
 
-The frequencies are fixed, so that what the plant does is computed once for all corners and sensors.  H is exact for the
-sampled filters at the communication step: a step late, as the exchange makes it.  What the step does besides is the
-delay of the loop, 1.5 steps.
+The frequencies are fixed, so that what the plant does is computed once for all high-pass filters and sensors.  H is
+exact for the sampled filters at the communication step: a step late, as the exchange makes it.  What the step does
+besides is the delay of the loop, 1.5 steps.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ Pointing = tuple[PointingFilter, Timing] | None
 LOWEST, HIGHEST = 1e-4, 2e3  # Hz, of the integrals: below, the high-passed errors add less than 1 %
 _LINE = (1e-7, 5e3)  # Hz, of the curve that poles are counted by
 _MANY = 400  # frequencies
-AT_REST = 1e-3  # of the corner: there the high-pass passes what is constant to 1e-6
+AT_REST = 1e-3  # of the high-pass frequency: there the high-pass passes what is constant to 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,42 +62,42 @@ class SensedIsolation:
         edges = np.concatenate([self.noise.band * (1.0 - 1e-9), self.noise.band * (1.0 + 1e-9)])
         return np.unique(np.concatenate([grid, edges[(edges > LOWEST) & (edges < HIGHEST)]]))
 
-    def solve(self, sensors: InertialSensors | None, corner: float, pointing: Pointing = None) -> Responses:
+    def solve(self, sensors: InertialSensors | None, highpass: float, pointing: Pointing = None) -> Responses:
         """The transfer matrices to the payload's rotation; :meth:`is_stable` says whether they mean anything.
 
         Parameters
         ----------
         sensors: None: the isolator is off.
-        corner: of its high-pass, Hz.
+        highpass: frequency of its high-pass, Hz.
         pointing: controller and timing of a line-of-sight loop; None: there is none.
         """
         (A, B, _, D), eye = self._find_plant(self._s), np.eye(3)
-        loops = self._close(self._s, sensors, corner, pointing)
+        loops = self._close(self._s, sensors, highpass, pointing)
         to_wrench, to_noise = B + A @ loops.inner @ loops.F @ D, A @ loops.inner @ loops.K
         to_target: Complex = np.zeros((len(self._s), 3, 3), dtype=complex)
         if pointing is not None:
             S = np.linalg.inv(eye + loops.L)
             to_noise, to_wrench, to_target = S @ to_noise, S @ to_wrench, S @ loops.L
-        return Responses(self, to_wrench, to_noise, to_target, sensors, corner, pointing)
+        return Responses(self, to_wrench, to_noise, to_target, sensors, highpass, pointing)
 
-    def is_stable(self, sensors: InertialSensors | None, corner: float, pointing: Pointing = None) -> bool:
+    def is_stable(self, sensors: InertialSensors | None, highpass: float, pointing: Pointing = None) -> bool:
         """Whether the closed loops have no pole in the right half-plane; arguments as in :meth:`solve`."""
         at_rest = 0 if pointing is None else 3 * pointing[0].integrators
 
         def characteristic(s: Complex) -> Complex:
-            loops = self._close(s, sensors, corner, pointing)
+            loops = self._close(s, sensors, highpass, pointing)
             outer = np.linalg.det(np.eye(3) + loops.L) * (s / (s + 1.0)) ** at_rest
             return np.asarray(outer / np.linalg.det(loops.inner))
 
         return count_poles(characteristic, self._line) == 0
 
-    def _close(self, s: Complex, sensors: InertialSensors | None, corner: float, pointing: Pointing) -> _Loops:
+    def _close(self, s: Complex, sensors: InertialSensors | None, highpass: float, pointing: Pointing) -> _Loops:
         """What closes the loops at s (n,), rad/s."""
         A, _, C, _ = self._find_plant(s)
         K = F = np.zeros((len(s), 3, 6), dtype=complex)
         inner, L = np.tile(np.eye(3, dtype=complex), (len(s), 1, 1)), np.zeros((1, 3, 3), dtype=complex)
         if sensors is not None:
-            K = self._control(s, corner)
+            K = self._control(s, highpass)
             F = K * (s**2 * sensing_response(sensors, s.imag / (2.0 * np.pi), self.step))[:, None, None]
             inner = np.linalg.inv(np.eye(3) - F @ C)
         if pointing is not None:
@@ -137,10 +137,10 @@ class SensedIsolation:
     def _known(self) -> dict[bytes, tuple[Complex, Complex, Complex, Complex]]:
         return {}
 
-    def _control(self, s: Complex, corner: float) -> Complex:
+    def _control(self, s: Complex, highpass: float) -> Complex:
         """K_we(s) with its delay, from acceleration to force, (n, 3, 6)."""
         controller = self.loop.controller
-        tuned = replace(controller, filters=replace(controller.filters, highpass_frequency=corner))
+        tuned = replace(controller, filters=replace(controller.filters, highpass_frequency=highpass))
         delayed = np.exp(-s * (self.loop.delay + LOOP_DELAY * self.step))
         return np.asarray(tuned.response(s) * delayed[:, None, None])
 
@@ -171,7 +171,7 @@ class Responses:
     to_target: Complex
     """From the rotation of the target, or minus the tracker's noise (rad, P), (n, 3, 3); 0 without a loop."""
     sensors: InertialSensors | None
-    corner: float
+    highpass: float
     pointing: Pointing
 
     @cached_property
@@ -210,8 +210,8 @@ class Responses:
 
     def offset(self, bias: Array) -> Array:
         """Rotation (3,), rad, in which a constant error of the estimate (6,), m/s2 and rad/s2, ends."""
-        rest = replace(self.isolation, lines=np.array([AT_REST * self.corner]))
-        return np.asarray(rest.solve(self.sensors, self.corner, self.pointing).to_noise[0].real @ bias)
+        rest = replace(self.isolation, lines=np.array([AT_REST * self.highpass]))
+        return np.asarray(rest.solve(self.sensors, self.highpass, self.pointing).to_noise[0].real @ bias)
 
 
 def sensing_response(sensors: InertialSensors, frequency: Array, h: float) -> Complex:

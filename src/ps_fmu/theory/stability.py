@@ -53,8 +53,8 @@ class UnstableError(ValueError):
 
 
 ADVICE = (
-    "What makes a loop stable: less delay, a lower gain of the line-of-sight loop, corners of low-pass and high-pass "
-    "farther from the modes that they turn, more damping of the fine legs, a heavier bus"
+    "What makes a loop stable: less delay, a lower gain of the line-of-sight loop, frequencies of low-pass and "
+    "high-pass farther from the modes that they turn, more damping of the fine legs, a heavier bus"
 )
 
 

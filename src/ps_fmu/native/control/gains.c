@@ -6,6 +6,7 @@
    base's motion (v, theta_b), the translation v + (G - [t x]) theta_b of the origin of P is then left. */
 #include <math.h>
 
+#include "../kernel/kernel.h"
 #include "mechanism.h"
 #include "vectors.h"
 
@@ -165,16 +166,29 @@ void find_mass(const Mechanism *m, const Pose *pose, const Motion *motion, Matri
     project(motion, &sum.force[0][0], &sum.moment[0][0], 3, &mass[0][0]);
 }
 
-/* For analyses: elongation, (52) and (28); false: singular. */
-EXPORT int control_find_gains(const Mechanism *m, const Pose *pose, Matrix elongation, double gain[3][6], Matrix mass)
+int find_kept_motion(Mechanism *m, Core *core, int64_t orientation, int64_t kept, Pose *pose, Motion *motion)
 {
-    Motion motion;
-    if (!find_motion(pose, &motion))
-        return 0;
-    for (int i = 0; i < 3; i++)
+    static const double SAME_ORIENTATION = 1e-12; /* rad; a plant at rest varies it by rounding */
+    static const Method TRILATERATION = {0.0, 0.0, 0};
+    const double *now = core->data + orientation;
+    double *of = core->data + kept, gap = 0.0;
+    int same = 1;
+    for (int k = 0; k < 3; k++)
+        same = same && fabs(now[k] - of[k]) <= SAME_ORIENTATION;
+    if (!same)
         for (int k = 0; k < 3; k++)
-            elongation[i][k] = motion.elongation[i][k];
-    find_acceleration_gain(m, pose, &motion, gain);
-    find_mass(m, pose, &motion, mass);
-    return 1;
+            of[k] = now[k];
+    if (of[0] == m->key[0] && of[1] == m->key[1] && of[2] == m->key[2])
+        return KEPT;
+    find_pose(&m->geometry, &TRILATERATION, of, pose);
+    if (pose->status == POSE_FOUND && find_motion(pose, motion)) {
+        for (int k = 0; k < 3; k++)
+            m->key[k] = of[k];
+        return RENEWED;
+    }
+    for (int k = 0; k < 3; k++)
+        gap = pose->gap[k] > gap ? pose->gap[k] : gap;
+    write_message(core, MESSAGE_REFUSAL, "orientation (%.4g, %.4g, %.4g) deg: no pose with the fine legs at rest; they miss "
+                  "each other by %.3g m", DEGREES * of[0], DEGREES * of[1], DEGREES * of[2], gap);
+    return UNREACHABLE;
 }

@@ -41,7 +41,8 @@ enum {
     POSE_UNFINISHED /* the iterations end with an error of `left` */
 };
 
-#define LARGEST_ANGLE 1e6 /* rad */
+#define LARGEST_ANGLE 1e6         /* rad */
+#define DEGREES 57.29577951308232 /* deg/rad */
 
 typedef struct {
     double status, iterations;
@@ -86,6 +87,7 @@ typedef struct {
     double mass;               /* of the payload, kg */
     Vector com_P;
     Matrix inertia_P;          /* about the centre of mass, kg.m2 */
+    Vector key;                /* orientation of the gains that are kept beside it */
 } Mechanism;
 
 /* How the platform moves with the fine legs, the coarse ones held. */
@@ -105,5 +107,12 @@ void find_acceleration_gain(const Mechanism *m, const Pose *pose, const Motion *
 
 /* J_pf' (M_p + M_alpha) J_pf of (28), kg. */
 void find_mass(const Mechanism *m, const Pose *pose, const Motion *motion, Matrix mass);
+
+/* Whether the gains are still those of the orientation that `kept` holds, which follows the input: places in the buffer. */
+enum { KEPT, RENEWED, UNREACHABLE };
+
+/* RENEWED: pose and motion are those of a new orientation, and gains have to be computed.  UNREACHABLE: there is no pose,
+   and a message tells why the step is refused. */
+int find_kept_motion(Mechanism *m, Core *core, int64_t orientation, int64_t kept, Pose *pose, Motion *motion);
 
 #endif

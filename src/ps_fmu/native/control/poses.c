@@ -7,8 +7,6 @@
 #include "../numerics/angles.h"
 #include "vectors.h"
 
-#define DEGREES 57.29577951308232 /* deg/rad */
-
 static const double STROKE_TOLERANCE = 1e-12; /* m; a pose on the end of the stroke counts as within */
 
 /* (14), P to B. */

@@ -4,7 +4,7 @@
 
 #include <stdint.h>
 
-#define CORE_MAGIC 0x38302d65726f63ull /* "core-08" */
+#define CORE_MAGIC 0x39302d65726f63ull /* "core-09" */
 
 /* A function or table that Python finds in a library by its name. */
 #ifdef _WIN32
@@ -16,6 +16,9 @@
 /* Asked for the String variable of this value reference, a slave answers with the address of its core, in decimal; 0: it
    wants none.  No model description lists it. */
 #define CORE_REFERENCE 2147483647u
+
+/* Asked for this String, a slave renews the linear model in its core. */
+#define LINEAR_REFERENCE 2147483646u
 
 /* What may be done with a value reference. */
 enum { CORE_REAL = 1, CORE_INTEGER = 2, CORE_BOOLEAN = 4, CORE_SET = 8, CORE_EVENT = 16 };
@@ -174,6 +177,12 @@ struct Core {
     int64_t message_status;
     char message[512];        /* UTF-8 */
     const char *label;        /* of the instance, before its messages */
+
+    /* For directional derivatives: the matrix [A B; C D] by columns, of n_rates + n_outputs numbers each.  States are the first
+       n_rates places behind the outputs, which begin at 0; their rates are the value references from `first_rate` on. */
+    const double *linear;     /* NULL: there is none */
+    int64_t linear_holds;     /* it is the same whatever the state is */
+    int64_t n_rates, first_rate, n_outputs, first_input, n_inputs;
 };
 
 /* Two statements of one size of steps differ by no more than this, relatively: hosts form them as differences. */

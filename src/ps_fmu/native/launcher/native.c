@@ -342,6 +342,53 @@ bool native_SetReal(const Instance *m, const fmi2ValueReference vr[], size_t n, 
     return true;
 }
 
+bool native_needs_linear(const Instance *m)
+{
+    const Core *core = words(m);
+    return core == NULL || core->linear == NULL || !core->linear_holds;
+}
+
+/* The row of an unknown in the linear model; -1: none. */
+static int64_t find_row(const Core *core, fmi2ValueReference unknown)
+{
+    const int64_t reference = unknown, rate = reference - core->first_rate;
+    if (rate >= 0 && rate < core->n_rates)
+        return rate;
+    return reference < core->n_outputs && (core->kinds[reference] & CORE_REAL) ? core->n_rates + reference : -1;
+}
+
+/* The column of a known in the linear model; -1: none. */
+static int64_t find_column(const Core *core, fmi2ValueReference known)
+{
+    const int64_t state = (int64_t)known - core->n_outputs, input = (int64_t)known - core->first_input;
+    if (state >= 0 && state < core->n_rates)
+        return state;
+    return input >= 0 && input < core->n_inputs ? core->n_rates + input : -1;
+}
+
+const char *native_differentiate(const Instance *m, const fmi2ValueReference unknown[], size_t n_unknown,
+                                 const fmi2ValueReference known[], size_t n_known, const fmi2Real direction[],
+                                 fmi2Real result[])
+{
+    const Core *core = words_in_any_phase(m);
+    if (core == NULL || core->linear == NULL)
+        return "this FMU does not support it";
+    for (size_t i = 0; i < n_unknown; i++)
+        if (find_row(core, unknown[i]) < 0)
+            return "an unknown is neither a Real output nor the derivative of a state";
+    for (size_t j = 0; j < n_known; j++)
+        if (find_column(core, known[j]) < 0)
+            return "a known is neither a state nor an input of the linear model";
+    const int64_t rows = core->n_rates + core->n_outputs;
+    for (size_t i = 0; i < n_unknown; i++) {
+        const double *row = core->linear + find_row(core, unknown[i]);
+        result[i] = 0.0;
+        for (size_t j = 0; j < n_known; j++)
+            result[i] += row[find_column(core, known[j]) * rows] * direction[j];
+    }
+    return NULL;
+}
+
 fmi2Status ps_fmu_steps(fmi2Component c, int64_t *native, int64_t *python)
 {
     const Instance *m = c;

@@ -345,6 +345,62 @@ static void solve(const Point *p, const double right[12], double found[12])
     }
 }
 
+/* Generalised forces on legs' lengths and base by a change of forces alone and of the base's prescribed accelerations. */
+static void find_forces(const Point *p, const EquationsMotion *dz, double right[12])
+{
+    const double *R = p->motion.rotation, *t = p->motion.translation, *outer = dz->payload_wrench;
+    double wrench[6], moment[3];
+    for (int i = 0; i < 3; i++) {
+        wrench[i] = R[3 * i] * outer[0] + R[3 * i + 1] * outer[1] + R[3 * i + 2] * outer[2];
+        wrench[3 + i] = R[3 * i] * outer[3] + R[3 * i + 1] * outer[4] + R[3 * i + 2] * outer[5];
+    }
+    cross(t, wrench, moment);
+    for (int i = 0; i < 6; i++) {
+        right[i] = dz->leg_force[i];
+        for (int k = 0; k < 6; k++)
+            right[i] += p->J_pl[6 * k + i] * wrench[k];
+        right[6 + i] = dz->base_wrench[i] + wrench[i] + (i < 3 ? 0.0 : moment[i - 3]);
+    }
+    for (int i = 0; i < 12; i++)
+        for (int k = 0; k < 6; k++)
+            right[i] -= p->base_rows[12 * k + i] * dz->given[6 + k];
+}
+
+/* Accelerations from forces; what `body` is by the rest is in it already. */
+static void accelerate(const Point *p, const double *given, const double right[12], double found[12], double total[12],
+                       double body[6])
+{
+    solve(p, right, found);
+    for (int i = 0; i < 12; i++)
+        total[i] = given[i] + found[i];
+    for (int i = 0; i < 6; i++) {
+        const double *row = p->to_platform + 12 * i;
+        body[i] += dot6(row, found) + dot6(row + 6, found + 6);
+    }
+}
+
+EXPORT void mechanism_accelerate(const Mechanism *m, const Point *p, const double du[MECHANISM_INPUTS], double *d_rates)
+{
+    const double still[MECHANISM_STATES] = {0.0}, spin[6] = {0.0};
+    double right[12], found[12], accelerations[12], body[6], y[MECHANISM_OUTPUTS];
+    EquationsMotion dz;
+    gather(m, still, du, &dz);
+    find_forces(p, &dz, right);
+    for (int i = 0; i < 6; i++)
+        body[i] = dot6(p->to_platform + 12 * i + 6, dz.given + 6);
+    accelerate(p, dz.given, right, found, accelerations, body);
+    spread(m, still, du, dz.given, accelerations, body, spin, d_rates, y);
+}
+
+/* Whether any of n numbers is not zero. */
+static int is_any(const double *values, int64_t n)
+{
+    int found = 0;
+    for (int64_t i = 0; i < n; i++)
+        found |= values[i] != 0.0;
+    return found;
+}
+
 EXPORT void mechanism_differentiate(const Mechanism *m, const Point *p, const double *dx, const double du[MECHANISM_INPUTS],
                                     double *d_rates, double d_outputs[MECHANISM_OUTPUTS], double d_reaction[6])
 {
@@ -374,16 +430,23 @@ EXPORT void mechanism_differentiate(const Mechanism *m, const Point *p, const do
     memcpy(dp.base_position, dx + SHIFT, sizeof dp.base_position);
     memcpy(dp.base_rotation, dx + TURN, sizeof dp.base_rotation);
 
-    equations_change((const double *)&m->rigid, (const double *)&p->motion, p->J_pl, p->kept, p->accelerations,
-                     (const double *)&dz, right, body, spin);
-    for (int i = 0; i < 12; i++)
-        right[i] = -right[i];
-    solve(p, right, found);
-    for (int i = 0; i < 12; i++)
-        accelerations[i] = dz.given[i] + found[i];
+    const double *all = (const double *)&dz;
+    int64_t n_moved = (const double *)dz.leg_force - all;
+    if (is_any(all, n_moved) || is_any(dz.given, 6)) {
+        equations_change((const double *)&m->rigid, (const double *)&p->motion, p->J_pl, p->kept, p->accelerations, all,
+                         right, body, spin);
+        for (int i = 0; i < 12; i++)
+            right[i] = -right[i];
+    } else {
+        find_forces(p, &dz, right);
+        for (int i = 0; i < 6; i++) {
+            body[i] = dot6(p->to_platform + 12 * i + 6, dz.given + 6);
+            spin[i] = 0.0;
+        }
+    }
+    accelerate(p, dz.given, right, found, accelerations, body);
     for (int i = 0; i < 6; i++) {
-        const double *row = p->to_platform + 12 * i, *base = p->base_rows + 12 * i;
-        body[i] += dot6(row, found) + dot6(row + 6, found + 6);
+        const double *base = p->base_rows + 12 * i;
         d_reaction[i] = (dot6(base, found) + dot6(base + 6, found + 6)) - right[6 + i];
     }
     spread(m, dx, du, dz.given, accelerations, body, spin, d_rates, d_outputs);
@@ -393,7 +456,9 @@ EXPORT void mechanism_differentiate(const Mechanism *m, const Point *p, const do
         for (int i = 0; i < 3; i++)
             d_rates[from + SHIFT + i] -= one[i] + other[i];
     }
-    equations_outputs_change((const double *)&p->place, (const double *)&dp, changed);
+    memset(changed, 0, sizeof changed);
+    if (is_any(lengths, 6) || is_any(dx + SHIFT, 6))
+        equations_outputs_change((const double *)&p->place, (const double *)&dp, changed);
     place_outputs(m, changed, d_outputs);
     memcpy(d_outputs + MECHANISM_BASE_ATTITUDE, dp.attitude, sizeof dp.attitude);
 }

@@ -110,6 +110,9 @@ EXPORT int64_t mechanism_find_place(const Mechanism *, const double lengths[6], 
 /* Rates, outputs and all else at a state.  0: a place is singular, or something is not finite. */
 EXPORT int64_t mechanism_evaluate(const Mechanism *, const Place *, const double *x, const double u[MECHANISM_INPUTS], Point *);
 
+/* What a change of the inputs (references' rates and servos aside) adds to the rates at a point, exactly. */
+EXPORT void mechanism_accelerate(const Mechanism *, const Point *, const double du[MECHANISM_INPUTS], double *d_rates);
+
 /* Derivatives of rates, outputs and reaction along a direction of state and input.  The places move with the legs, the
    attitude turns with theta_b. */
 EXPORT void mechanism_differentiate(const Mechanism *, const Point *, const double *dx, const double du[MECHANISM_INPUTS],

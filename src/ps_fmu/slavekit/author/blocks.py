@@ -17,6 +17,9 @@ from numpy.typing import NDArray
 from ...numerics.library import find_library
 from .buffer import Array, allocate_aligned
 
+Matrices = tuple[Array, Array, Array, Array]
+"""A, B, C, D of a linear system."""
+
 LANES = 8
 """Rows taken together."""
 

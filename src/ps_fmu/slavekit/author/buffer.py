@@ -43,6 +43,7 @@ class BufferLayout:
         n_auxiliary: int,
         n_memory: int,
         n_row: int = 0,
+        n_rates: int = 0,
     ) -> None:
         self.model = model
         self.ports = tuple(ports)
@@ -68,6 +69,12 @@ class BufferLayout:
         for region, group in zip(regions, (outputs, (), inputs, (), (), events, parameters, ()), strict=True):
             self.by_reference |= dict(enumerate(group, region.start))
         self.by_reference |= dict(enumerate(self.strings, self.size))
+        # Only for directional derivatives: states, and behind everything their rates, which lie in no buffer.
+        self.first_rate: int = self.size + len(self.strings)
+        self.rates = [Port(f"der(x[{i}])", "local", description=f"Rate of state {i}") for i in range(1, n_rates + 1)]
+        states = [Port(f"x[{i}]", "local", description=f"State {i}") for i in range(1, n_rates + 1)]
+        self.local = (*states, *self.rates)
+        self.by_reference |= dict(enumerate(states, self.x.start)) | dict(enumerate(self.rates, self.first_rate))
         self.reference = {port.name: reference for reference, port in self.by_reference.items()}
         self._check()
         self._list_access()
@@ -173,7 +180,7 @@ class Buffer:
         self.strings = [str(port.start) for port in layout.strings]
         self._groups: dict[str, list[int]] = {}
         for reference, port in layout.by_reference.items():
-            if port.causality != "output" and reference < layout.size:
+            if port.causality in ("input", "parameter") and reference < layout.size:
                 self.data[reference] = float(port.start)
 
     def raw(self, reference: int) -> float | str:

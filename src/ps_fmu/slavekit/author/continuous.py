@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import ctypes
 from ctypes import c_double, c_int64, c_void_p
-from functools import cache
 
-from ...numerics.library import Discretisation, find_library
+from ...numerics.library import Discretisation, find_function, find_library
 from .blocks import LANES, MapWords, Room, store_by_columns
 from .buffer import Array, allocate_aligned
 from .elements import Call
@@ -48,10 +47,4 @@ def hold_inputs(A: Array, B: Array, source: Array, target: Array) -> Call:
         held.map.source, held.map.target, held.map.work = map(find_address, (source, target, work))
         held.map.n_target = n
         kept += [blocks.arrays, place]
-    return Call(_find_function("use_held_map"), arguments, kept=kept)
-
-
-@cache
-def _find_function(name: str) -> int:
-    """The address of a function of the library."""
-    return ctypes.cast(getattr(find_library(), name), c_void_p).value or 0
+    return Call(find_function("use_held_map"), arguments, kept=kept)

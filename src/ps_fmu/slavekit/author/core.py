@@ -18,12 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...numerics.library import find_library
-from .blocks import MapWords, Matrix
+from .blocks import MapWords, Matrices, Matrix
 from .buffer import Array, BufferLayout, allocate_aligned
 from .instructions import Instruction, Kind, find_address, find_spans, write_words
 
-REFERENCE = 2**31 - 1
-"""Value reference of a String that no description lists: the address of the core."""
+REFERENCE, LINEAR_REFERENCE = 2**31 - 1, 2**31 - 2
+"""Value references of Strings that no description lists: the address of the core; nothing, and the linear model in the
+core is renewed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +46,7 @@ class Elements:
         self.words = write_words(self.before), write_words(self.after)
 
 
-_MAGIC = 0x38302D65726F63  # "core-08"
+_MAGIC = 0x39302D65726F63  # "core-09"
 NOTHING, MAP, TABLE = range(3)
 FOUND_DUE = 2
 """Value of ``pending`` if an element has found, before the map, that an event is due before this step."""
@@ -108,6 +109,8 @@ class Core(ctypes.Structure):
         ("native_steps", c_int64), ("python_steps", c_int64),
         ("any_step", c_int64), ("origin", c_double), ("stop", c_double),
         ("message_status", c_int64), ("message", c_char * 512), ("label", c_char_p),
+        ("linear", c_void_p), ("linear_holds", c_int64),
+        *((name, c_int64) for name in ("n_rates", "first_rate", "n_outputs", "first_input", "n_inputs")),
     )  # fmt: skip
 
     arrays: dict[str, NDArray[Any]]
@@ -153,6 +156,13 @@ class Core(ctypes.Structure):
         """No step is a plain one."""
         self.plain = NOTHING
 
+    def use_linear(self, matrices: Matrices, holds: bool) -> None:
+        """The linear model for directional derivatives; ``holds``: whatever the state is, until ``remap``."""
+        A, B, C, D = matrices
+        by_columns = np.vstack([np.hstack([A, B]), np.hstack([C, D])]).T
+        self._point(linear=np.ascontiguousarray(by_columns, dtype=np.float64))
+        self.linear_holds = holds
+
     def use_limits(self, limits: OutputLimits | None) -> None:
         """The result of a plain step is held within these."""
         self.n_limited = 0
@@ -188,6 +198,9 @@ def make_core(layout: BufferLayout, data: Array) -> Core:
     source, target = data[layout.source], data[layout.target]
     core.n_references, core.n_target = data.size, target.size
     core.step_slack, core.stop = -1.0, inf
+    core.n_rates, core.first_rate = len(layout.rates), layout.first_rate
+    core.n_outputs, core.first_input = layout.y.stop, layout.u.start
+    core.n_inputs = layout.u.stop - layout.u.start
     core.n_row = data[layout.r].size
     core.n_rows = 2**62  # without tables, they do not end
     core.watching = 1

@@ -12,13 +12,11 @@ import numpy as np
 from pythonfmu.fmi2slave import Fmi2Slave
 
 from .ahead import RowParts
+from .blocks import Matrices
 from .buffer import Array
 from .elements import Element
 from .terminals import Terminal
 from .variables import Port
-
-Matrices = tuple[Array, Array, Array, Array]
-"""A, B, C, D of a linear system."""
 
 
 class Model(Fmi2Slave):
@@ -40,6 +38,9 @@ class Model(Fmi2Slave):
     terminals: ClassVar[tuple[Terminal, ...]] = ()
     n_states: ClassVar[int] = 0
     """Size of x.  Fixed: a mode that is switched off keeps its place, with zeros."""
+    n_rates: ClassVar[int | None] = None
+    """Number of states, the first of x, for directional derivatives, see :meth:`linearise`; None: all.  Models that
+    override ``linearise`` or ``continuous`` provide them; variables ``x[i]`` and ``der(x[i])`` are listed then."""
     n_auxiliary: ClassVar[int] = 0
     n_memory: ClassVar[int] = 0
     """Further numbers that events keep; part of the FMU state."""
@@ -94,6 +95,24 @@ class Model(Fmi2Slave):
         Python for whatever size the host asks for; the class then has ``any_step``.
         """
         return None
+
+    def linearise(self) -> tuple[Matrices, Array]:
+        """Return A, B, C, D of the present system about its present state, and the rates of its states (n_rates,).
+
+        Its states are the first ``n_rates`` of x, its inputs all of u, its outputs all of y, at the end of a short step
+        with these inputs.  Shapes (n_rates, n_rates), (n_rates, nu), (ny, n_rates), (ny, nu).  It is asked for when a
+        host wants directional derivatives, and between events it depends on the buffer alone.  By default, the parts of
+        :meth:`continuous`, of a model in which no element passes u on.
+
+        Raises
+        ------
+        ModelError: the system is not linear and continuous as it is, for example by a delay; the message names what
+            makes it so.
+        """
+        matrices = self.continuous()
+        assert matrices is not None  # Values.provides_derivatives
+        (A, B, C, D), n = matrices, len(self.u)
+        return (A, B[:, :n], C, D[:, :n]), A @ self.x + B @ np.concatenate([self.u, self.a])
 
     def step_map(self, h: float) -> Array | None:
         """Return the matrix of a step of size h, s, (ny + nx, nx + nu + na + nr).  It is cached by h until ``remap()``.

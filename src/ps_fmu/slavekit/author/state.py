@@ -157,7 +157,7 @@ def _check_values(buffer: Array, strings: tuple[str, ...], layout: BufferLayout)
         raise Refused("the serialised FMU state contains numbers that are not finite")
     values = [*buffer.tolist(), *strings]
     for reference, port in layout.by_reference.items():
-        if port.causality != "output":
+        if port.causality in ("input", "parameter"):
             try:
                 port.checked(values[reference])
             except ValueError as error:

@@ -8,14 +8,13 @@ from math import inf, isfinite, ulp
 
 import numpy as np
 
-from .blocks import make_blocks, store_by_columns
+from .blocks import Matrices, make_blocks, store_by_columns
 from .buffer import Array
 from .continuous import hold_inputs
 from .core import FOUND_DUE, MESSAGE_NONE, MESSAGE_REFUSAL, MESSAGE_WARNING, Elements, Map, OutputLimits, Step
 from .elements import Element, StepMap, compile_elements, find_full_delay
 from .far import blame
 from .guard import ModelError, Refused, report
-from .model import Matrices
 from .state import Derived, LifePhase, SlaveClock, SlaveState
 from .tables import Tables
 
@@ -54,6 +53,7 @@ class Stepper(Tables):
     def remap(self) -> None:
         """The map is out of date (new pose, new parameter): ask ``step_map`` again before the next step."""
         self._maps.clear()
+        self._core.linear_holds = False
         self._derived = object()
         self._renew()
 
@@ -94,9 +94,7 @@ class Stepper(Tables):
             else:
                 self._step_carefully(current_time, step_size)
             core.python_steps += 1
-            if core.message_status == MESSAGE_WARNING:
-                core.message_status = MESSAGE_NONE
-                self.warning(self._read_message())
+            self._pass_warning()
             return True
         except (ModelError, Refused) as error:
             error.args = (f"step from t = {core.time:.9g} s refused: {error}",)
@@ -190,6 +188,12 @@ class Stepper(Tables):
     def _read_message(self) -> str:
         """What an element has to say of the step."""
         return self._core.message.decode("utf-8", "replace")
+
+    def _pass_warning(self) -> None:
+        """Send the host the warning that an element has left."""
+        if self._core.message_status == MESSAGE_WARNING:
+            self._core.message_status = MESSAGE_NONE
+            self.warning(self._read_message())
 
     @abstractmethod
     def warning(self, text: str) -> None:

@@ -14,11 +14,12 @@ from pythonfmu.variables import Boolean, Integer, Real, ScalarVariable, String
 
 from .units import DISPLAY_UNITS, find_exponents
 
-Causality = Literal["input", "output", "parameter"]
+Causality = Literal["input", "output", "parameter", "local"]
 Type = Literal["Real", "Boolean", "Integer", "String"]
 Value = float | bool | int | str
 
 _NAME = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*", re.ASCII)
+_LOCAL = re.compile(r"x\[\d+\]|der\(x\[\d+\]\)", re.ASCII)  # of the base class
 _INT32 = 2**31
 
 
@@ -30,7 +31,7 @@ class Port:
     ----------
     name: structured name without brackets, for example ``base_force.x`` or ``fine_force_1``.
     causality: ``"input"``, ``"output"`` or ``"parameter"`` (parameters are fixed: set before or in
-        initialisation mode).
+        initialisation mode).  ``"local"`` is for the base class.
     unit: name of a coherent SI unit of :mod:`.units`; only for Real.
     description: one line that names the frame.
     type: FMI type.
@@ -60,12 +61,16 @@ class Port:
     initially_depends_on: tuple[str, ...] | None = None
 
     def __post_init__(self) -> None:
-        if not _NAME.fullmatch(self.name):
+        if not (_LOCAL if self.causality == "local" else _NAME).fullmatch(self.name):
             raise ValueError(
                 f"port {self.name!r}: expected identifiers joined by dots, such as 'base_force.x'"
             )
-        if self.causality not in ("input", "output", "parameter"):
+        if self.causality not in ("input", "output", "parameter", "local"):
+<<<<<<< HEAD
             raise self._make_error(f"causality: expected input, output or parameter, got {self.causality!r}")
+=======
+            raise self._make_error(f"causality: expected input, output, parameter or local, got {self.causality!r}")
+>>>>>>> main
         if self.causality != "output" and (self.depends_on or self.initially_depends_on is not None):
             raise self._make_error("only outputs have dependencies")
         if self.causality != "input" and self.event:
@@ -193,9 +198,8 @@ def make_fmi_variable(port: Port, reference: int) -> ScalarVariable:
     variability = Fmi2Variability.continuous if continuous else Fmi2Variability.discrete
     if port.causality == "parameter":
         variability = Fmi2Variability.fixed
-    initial = {"parameter": Fmi2Initial.exact, "output": Fmi2Initial.calculated, "input": None}[
-        port.causality
-    ]
+    calculated = Fmi2Initial.calculated
+    initial = {"parameter": Fmi2Initial.exact, "output": calculated, "local": calculated, "input": None}[port.causality]
 
     variable = _PYTHONFMU[port.type](
         port.name,
@@ -219,15 +223,15 @@ def make_fmi_variable(port: Port, reference: int) -> ScalarVariable:
 
 def _type_attributes(port: Port) -> dict[str, str]:
     """Attributes of the element Real, Integer, Boolean or String."""
-    attributes = {}
+    attributes: dict[str, str] = {}
     if port.type == "Real":
-        attributes["unit"] = port.unit
+        attributes |= {"unit": port.unit} if port.causality != "local" else {}
     if port.display_unit is not None:
         attributes["displayUnit"] = port.display_unit
     for attribute in ("min", "max", "nominal"):
         value = getattr(port, attribute)
         if value is not None:
             attributes[attribute] = repr(float(value)) if port.type == "Real" else str(int(value))
-    if port.causality != "output":
+    if port.causality in ("input", "parameter"):
         attributes["start"] = str(port.start).lower() if port.type == "Boolean" else str(port.start)
     return attributes

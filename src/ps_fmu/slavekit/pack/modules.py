@@ -12,6 +12,7 @@ import hashlib
 import py_compile
 import sys
 import tempfile
+import zipfile
 from collections.abc import Iterable
 from functools import lru_cache
 from pathlib import Path, PurePosixPath
@@ -52,7 +53,7 @@ def pack_modules(package: str, files: Files) -> tuple[str, Files]:
             code = _compile(content, f"{package}/{name}")
             cached = name.parent / "__pycache__" / f"{name.stem}.{sys.implementation.cache_tag}.pyc"
             place[cached if is_loose else name.with_suffix(".pyc")] = code
-    archive = make_zip(archived)  # compressed one by one: a start inflates those that it imports, not all
+    archive = make_zip(archived, zipfile.ZIP_STORED)  # the FMU compresses it
     modules = f"modules_{hashlib.sha256(archive).hexdigest()[:12]}.zip"
     return modules, loose | {PurePosixPath(modules): archive}
 

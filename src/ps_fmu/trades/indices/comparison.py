@@ -34,6 +34,7 @@ from ...pointing import (
 from ...results.observers.sampler import SampleObserver
 from ...runs.runner import compute
 from ..budget.results import BudgetError, list_sources, select_signals
+from ..sensors.results import settle_highpass
 
 STEP = 1e-4  # s, of communication
 STRIDE = 5  # steps from one sample to the next: the noise ends at 1000 Hz, half the rate of the samples
@@ -121,9 +122,9 @@ def read_orientation(system: System) -> Orientations:
 
 def find_settling(system: System) -> float:
     """Time, s, that runs need to settle: also four time constants of the isolator's high-pass, if that is not slow."""
-    corner = read_model(system, STEP).turned["isolator.filters.highpass_frequency"].value
-    slow = corner < SLOWEST
-    return SETTLING if slow else max(SETTLING, 3.0 + 4.0 / (2.0 * np.pi * corner * np.sqrt(0.5)))
+    highpass = read_model(system, STEP).turned["isolator.filters.highpass_frequency"].value
+    slow = highpass < SLOWEST
+    return SETTLING if slow else max(SETTLING, settle_highpass(highpass))
 
 
 def solve(
@@ -233,8 +234,8 @@ def _compare(
 ) -> Iterator[Comparison]:
     """What a run has, with the closed form.
 
-    The record's mean is taken out: it is a bias, which no density shows.  The isolator's integrators, whose corner lies
-    at 1e-4 Hz, take half an hour to forget how the disturbance began: some 5e-9 rad.
+    The record's mean is taken out: it is a bias, which no density shows.  The isolator's integrators, with a high-pass
+    of 1e-4 Hz, take half an hour to forget how the disturbance began: some 5e-9 rad.
     """
     found = found - found.mean(axis=0)
     for name, index in indices.items():

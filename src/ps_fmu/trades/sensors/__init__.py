@@ -1,1 +1,1 @@
-"""Which accelerometer the isolator needs: residual jitter against noise, bias and high-pass corner."""
+"""Which accelerometer the isolator needs: residual jitter against noise, bias and high-pass frequency."""

@@ -16,13 +16,14 @@ from ...product.files import find_product
 from ...results.style import ACTIVE, PASSIVE, REFERENCE
 from ...results.tables import Table
 from .results import (
-    BIAS_CORNER,
+    BIAS_HIGHPASS,
     CLASSES,
-    CORNERS,
     CROSSOVERS,
     DENSITIES,
-    MEASURED_CORNERS,
+    HIGHPASSES,
+    MEASURED_HIGHPASSES,
     MICRO_G,
+    SETTLED,
     BiasAnswer,
     Point,
     Trade,
@@ -48,21 +49,22 @@ MICRO = 1e6  # urad in a rad
 def analyse(
     options: AnalysisOptions,
     duration: float = DURATION,
-    measured_corners: Mapping[str, tuple[float, ...]] = MEASURED_CORNERS,
-    corners: Array = CORNERS,
+    measured_highpasses: Mapping[str, tuple[float, ...]] = MEASURED_HIGHPASSES,
+    highpasses: Array = HIGHPASSES,
     points: int = 500,
 ) -> AnalysisResult:
-    """Compute the trade at ``corners`` (Hz), run the FMUs for ``duration``, s, at some of each class, compare and draw.
+    """Compute the trade, run the FMUs for ``duration``, s, compare and draw.
 
-    ``points``: frequencies of the integrals besides those around the resonances.
+    ``highpasses``: high-pass frequencies, Hz; ``measured_highpasses``: those of the runs of each class; ``points``:
+    frequencies of the integrals besides those around the resonances.
     """
     system, left = keep_noise(load_own_systems(options)[0])
-    trade = compute_trade(find_product().system / "parameters", corners, points, system)
-    runs = sum(map(len, measured_corners.values())) + 1
+    trade = compute_trade(find_product().system / "parameters", highpasses, points, system)
+    runs = sum(map(len, measured_highpasses.values())) + 1
     with tqdm(total=runs, unit="run", desc="sensors", disable=not options.progress) as bar:
         answer = measure_bias(system, trade.design)
         bar.update()
-        measured = measure_points(system, trade, duration, options.seed, measured_corners, bar.update)
+        measured = measure_points(system, trade, duration, options.seed, measured_highpasses, bar.update)
     return AnalysisResult(
         name="sensors",
         title="Which accelerometer does the isolator need?",
@@ -80,13 +82,13 @@ def analyse(
                 (11.5, 9.5), paint_choice, trade, measured,
             ),
             (
-                "corners",
-                "Jitter over the isolator's high-pass corner for each class, in closed form and on the FMUs.",
-                (12.0, 10.0), paint_corners, trade, measured,
+                "highpass",
+                "Jitter over the isolator's high-pass frequency for each class, in closed form and on the FMUs.",
+                (12.0, 10.0), paint_highpass, trade, measured,
             ),
             (
                 "bias",
-                "What a bias does: where the line of sight ends over the corner, and how it goes there.",
+                "What a bias does: where the line of sight ends over the high-pass frequency, and how it goes there.",
                 (12.0, 6.0), paint_bias, trade, answer,
             ),
         ),
@@ -106,29 +108,30 @@ def paragraphs(trade: Trade, measured: Sequence[Point], answer: BiasAnswer, dura
     error = float(np.abs(answer.measured - answer.expected).max() / np.abs(answer.expected).max())
     return [
         "The isolator integrates the measured acceleration of the base twice. Noise of the accelerometers does so too: "
-        "its share of the variance falls with the third power of the high-pass corner, while below the corner the "
-        "disturbance is left. So each class of parts has a best corner. All numbers are the RMS rotation of the line "
-        f"of sight, about x and y of P together, with {accelerometers} accelerometers. An arm twice as long halves the "
-        "noise of the angular acceleration.",
+        "its share of the variance falls with the third power of the high-pass frequency, while below this frequency "
+        "the disturbance is left. So each class of parts has a best high-pass frequency. All numbers are the RMS "
+        f"rotation of the line of sight, about x and y of P together, with {accelerometers} accelerometers. An arm "
+        "twice as long halves the noise of the angular acceleration.",
         f"Passive jitter is {_micro(trade.passive)} urad. Without a line-of-sight loop these classes bring less than "
-        f"that at the best corner: {', '.join(helped) or 'none'}. All classes: "
+        f"that at the best high-pass frequency: {', '.join(helped) or 'none'}. All classes: "
         + ", ".join(f"{name} {_show(value)}" for name, value in best.items())
         + ".",
         f"A line-of-sight loop with a crossover of {last:g} Hz alone, isolator off, "
-        f"{_say_left(trade.loops_alone[last])}. With the isolator's corner moved to suit it: "
+        f"{_say_left(trade.loops_alone[last])}. With the best high-pass frequency of the isolator: "
         + ", ".join(f"{name} {_show(value)}" for name, value in looped.items())
         + f". Better than the loop alone: {', '.join(better) or 'none'}. The loop has the design and the tracker that "
         "are the defaults of its FMUs; for lower crossovers its integral frequency falls in proportion.",
-        "A constant bias ends as a constant offset, of bias over corner squared (rad/s2 and rad/s). On the FMUs the "
-        f"answer to a bias of 1 ug of one sensor, corner {BIAS_CORNER:g} Hz, is that of the closed form within "
-        f"{100.0 * error:.1f} % of its largest value. The line-of-sight loop integrates twice at low "
+        "A constant bias ends as a constant offset, of bias over high-pass frequency squared (rad/s2 and rad/s). On "
+        f"the FMUs the answer to a bias of 1 ug of one sensor, high-pass {BIAS_HIGHPASS:g} Hz, is that of the closed "
+        f"form within {100.0 * error:.1f} % of its largest value. The line-of-sight loop integrates twice at low "
         "frequencies, and takes the offset away, as long as it lies within the strokes and the field of view.",
-        "All of these corners are unstable, so the FMUs were not run."
+        "The loop is unstable at all of these high-pass frequencies, so the FMUs were not run."
         if worst is None
         else f"The runs of the FMUs (multisine disturbance, one period of {duration:g} s) deviate from the closed form "
         f"of its lines by up to {100.0 * max(abs(p.deviation) for p in measured):.1f} %, and by "
         f"{abs(worst.deviations):.1f} standard deviations of the sensors' noise in a record as long at most "
-        f"({worst.name}, {worst.corner:g} Hz). Modes that ring longer than the runs settle add to that.",
+        f"({worst.name}, {worst.highpass:g} Hz). Each run begins when the high-pass has settled, and modes that "
+        f"matter: those that have not settled keep {100.0 * SETTLED:g} % of the variance each at most.",
         _describe_unstable(trade),
         "The figures of the classes and their sources are in system/parameters/sensors_*.ssv; several are assumed, and "
         "say so.",
@@ -136,16 +139,16 @@ def paragraphs(trade: Trade, measured: Sequence[Point], answer: BiasAnswer, dura
 
 
 def _describe_unstable(trade: Trade) -> str:
-    """Which corners have unstable loops: poles are counted before anything that presumes stability."""
+    """At which high-pass frequencies loops are unstable: poles are counted before anything that presumes stability."""
     found = [
-        f"{name} at {', '.join(f'{corner:.2g}' for corner in trade.corners[~np.isfinite(sweep.rms)])} Hz, loop: "
+        f"{name} at {', '.join(f'{highpass:.2g}' for highpass in trade.highpasses[~np.isfinite(sweep.rms)])} Hz, loop: "
         f"{_describe(crossover)}"
         for name, one in trade.classes.items()
         for crossover, sweep in one.sweeps.items()
         if not np.isfinite(sweep.rms).all()
     ]
     said = f"these are unstable, and no candidates: {'; '.join(found)}" if found else "all are stable"
-    return f"Poles of the closed loops are counted for each class, corner and line-of-sight loop: {said}."
+    return f"Poles of the closed loops are counted for each class, high-pass frequency and line-of-sight loop: {said}."
 
 
 def _goal_table(trade: Trade) -> Table:
@@ -154,7 +157,7 @@ def _goal_table(trade: Trade) -> Table:
         densities = [needed_density(trade, crossover, goal) for crossover in CROSSOVERS]
         rows.append((_micro(goal), *("-" if d is None else f"{d / MICRO_G:.2g}" for d in densities)))
     header = ("jitter (urad)", *(_describe(crossover) for crossover in CROSSOVERS))
-    caption = "Largest noise density (ug/sqrt(Hz)) that reaches a jitter, at the best corner; -: none does"
+    caption = "Largest noise density (ug/sqrt(Hz)) that reaches a jitter, at the best high-pass frequency; -: none does"
     return Table(caption, header, rows)
 
 
@@ -167,16 +170,16 @@ def _class_table(trade: Trade) -> Table:
                 (
                     name if crossover is None else "",
                     _describe(crossover),
-                    f"{trade.corners[k]:.2g}",
+                    f"{trade.highpasses[k]:.2g}",
                     *(_micro(value) for value in (sweep.rms[k], *np.sqrt([sweep.disturbance[k], sweep.sensors[k]]))),
                     _micro(found.offsets[k]) if crossover is None else "0",
                 )
             )
     header = (
-        "class", "line-of-sight loop", "best corner (Hz)", "jitter (urad)", "by disturbance", "by sensors",
+        "class", "line-of-sight loop", "best high-pass (Hz)", "jitter (urad)", "by disturbance", "by sensors",
         "offset by bias (urad)",
     )  # fmt: skip
-    return Table("The best corner of each class", header, rows)
+    return Table("The best high-pass frequency of each class", header, rows)
 
 
 def _point_table(measured: Sequence[Point]) -> Table:
@@ -185,7 +188,7 @@ def _point_table(measured: Sequence[Point]) -> Table:
         measured,
         (
             ("class", lambda p: p.name),
-            ("corner (Hz)", lambda p: f"{p.corner:g}"),
+            ("high-pass (Hz)", lambda p: f"{p.highpass:g}"),
             ("closed form (urad)", lambda p: _micro(p.expected)),
             ("FMUs (urad)", lambda p: _micro(p.measured)),
             ("difference (%)", lambda p: f"{100.0 * p.deviation:+.1f}"),
@@ -214,7 +217,7 @@ def _entry(trade: Trade, measured: Sequence[Point], answer: BiasAnswer) -> dict[
     return {
         "passive_rad": trade.passive,
         "loop_alone_rad": {f"{crossover:g}": value for crossover, value in trade.loops_alone.items()},
-        "corners_Hz": trade.corners,
+        "highpass_frequencies_Hz": trade.highpasses,
         "classes": {
             name: {
                 "noise_density": found.sensors.accelerometer.noise_density,
@@ -227,7 +230,8 @@ def _entry(trade: Trade, measured: Sequence[Point], answer: BiasAnswer) -> dict[
         },
         "runs": [
             {
-                "class": p.name, "corner_Hz": p.corner, "measured_rad": p.measured, "expected_rad": p.expected,
+                "class": p.name, "highpass_frequency_Hz": p.highpass, "measured_rad": p.measured,
+                "expected_rad": p.expected,
                 "relative_standard_deviation": p.scatter,
             }
             for p in measured
@@ -237,19 +241,19 @@ def _entry(trade: Trade, measured: Sequence[Point], answer: BiasAnswer) -> dict[
 
 
 def paint_choice(figure: Figure, trade: Trade, points: Sequence[Point]) -> None:
-    """Jitter over noise density: curves by corner, the best corner with and without loop, markers of the classes."""
+    """Jitter over noise density: curves by high-pass, the best with and without loop, markers of classes."""
     axes = figure.subplots()
     density = DENSITIES / MICRO_G
-    of_corners = trade.white[None].with_density(DENSITIES)
-    tops = [min(int(np.searchsorted(curve, 1.7e-4)), len(density) - 1) for curve in of_corners.T]
+    of_highpasses = trade.white[None].with_density(DENSITIES)
+    tops = [min(int(np.searchsorted(curve, 1.7e-4)), len(density) - 1) for curve in of_highpasses.T]
     at_top: dict[int, list[int]] = {}  # curves by where they leave; those that leave at the right lie together
-    for i in range(0, len(trade.corners), 3):
-        axes.loglog(density, of_corners[:, i] * MICRO, color="#A9C9DE", lw=0.9)
+    for i in range(0, len(trade.highpasses), 3):
+        axes.loglog(density, of_highpasses[:, i] * MICRO, color="#A9C9DE", lw=0.9)
         at_top.setdefault(tops[i], []).append(i)
     for top, curves in at_top.items():
         axes.annotate(
-            ", ".join(f"{trade.corners[i]:.2g}" for i in curves) + " Hz",
-            (density[top], of_corners[top, curves[0]] * MICRO), fontsize=11, color="#2F6F95", ha="right",
+            ", ".join(f"{trade.highpasses[i]:.2g}" for i in curves) + " Hz",
+            (density[top], of_highpasses[top, curves[0]] * MICRO), fontsize=11, color="#2F6F95", ha="right",
             rotation=55,
         )  # fmt: skip
     axes.plot(
@@ -285,23 +289,23 @@ def paint_choice(figure: Figure, trade: Trade, points: Sequence[Point]) -> None:
     figure.suptitle("Which accelerometer for which jitter?")
 
 
-def paint_corners(figure: Figure, trade: Trade, points: Sequence[Point]) -> None:
-    """For each class: jitter over corner, its parts, and the points of the FMUs with two standard deviations."""
+def paint_highpass(figure: Figure, trade: Trade, points: Sequence[Point]) -> None:
+    """For each class: jitter over high-pass frequency, its parts, points of the FMUs with two standard deviations."""
     panels = figure.subplots(2, 2, sharex=True, sharey=True)
     for axes, (name, found) in zip(panels.flat, trade.classes.items(), strict=True):
         sweep = found.sweeps[None]
         left, noise = (np.sqrt(part) * MICRO for part in (sweep.disturbance, sweep.sensors))
-        axes.loglog(trade.corners, left, "--", color=PASSIVE, label="disturbance that is left")
-        axes.loglog(trade.corners, noise, "--", color="#009E73", label="noise of the sensors")
-        axes.loglog(trade.corners, sweep.rms * MICRO, color=ACTIVE, lw=2.2, label="both, no loop")
+        axes.loglog(trade.highpasses, left, "--", color=PASSIVE, label="disturbance that is left")
+        axes.loglog(trade.highpasses, noise, "--", color="#009E73", label="noise of the sensors")
+        axes.loglog(trade.highpasses, sweep.rms * MICRO, color=ACTIVE, lw=2.2, label="both, no loop")
         looped = found.sweeps[CROSSOVERS[-1]]
         label = f"all, loop with crossover at {CROSSOVERS[-1]:g} Hz"
-        axes.loglog(trade.corners, looped.rms * MICRO, color=LOOP_COLOURS[CROSSOVERS[-1]], lw=2.2, label=label)
+        axes.loglog(trade.highpasses, looped.rms * MICRO, color=LOOP_COLOURS[CROSSOVERS[-1]], lw=2.2, label=label)
         for each, colour in ((sweep, ACTIVE), (looped, LOOP_COLOURS[CROSSOVERS[-1]])):
-            axes.plot(trade.corners[each.best], each.rms[each.best] * MICRO, "o", color=colour, mec="black", ms=8)
+            axes.plot(trade.highpasses[each.best], each.rms[each.best] * MICRO, "o", color=colour, mec="black", ms=8)
         own = [p for p in points if p.name == name]
         axes.errorbar(
-            [p.corner for p in own], [p.measured * MICRO for p in own],
+            [p.highpass for p in own], [p.measured * MICRO for p in own],
             yerr=[2.0 * p.scatter * p.expected * MICRO for p in own], fmt="x", color="black", mew=2, capsize=4,
             label="FMUs, no loop; two standard deviations",
         )  # fmt: skip
@@ -310,34 +314,34 @@ def paint_corners(figure: Figure, trade: Trade, points: Sequence[Point]) -> None
         axes.set(title=f"{name}, {micro_g:.2g} \N{MICRO SIGN}g/\N{SQUARE ROOT}Hz", ylim=(0.1, 1e4))
     for axes in panels[:, 0]:
         axes.set_ylabel("line of sight, RMS (\N{MICRO SIGN}rad)")
-    _label_corner(panels[1])
+    _label_highpass(panels[1])
     figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
-    figure.suptitle("The best high-pass corner of the isolator; circles: best")
+    figure.suptitle("The best high-pass frequency of the isolator; circles: best")
 
 
 def paint_bias(figure: Figure, trade: Trade, answer: BiasAnswer) -> None:
-    """Left: where a constant bias ends, over the corner.  Right: how the payload goes there."""
+    """Left: where a constant bias ends, over the high-pass frequency.  Right: how the payload goes there."""
     left, right = figure.subplots(1, 2)
     for name, found in trade.classes.items():
         spread = found.sensors.accelerometer.bias_spread / MICRO_G
         if spread:
             label = f"{name}: {spread:.2g} \N{MICRO SIGN}g each"
-            left.loglog(trade.corners, found.offsets * MICRO, color=CLASS_COLOURS[name], label=label)
+            left.loglog(trade.highpasses, found.offsets * MICRO, color=CLASS_COLOURS[name], label=label)
     left.axhline(trade.passive * MICRO, color=REFERENCE, ls=":", lw=1.2, label="passive jitter")
     left.set(ylabel="constant offset of the line of sight (\N{MICRO SIGN}rad)", title="In the end, no loop")
-    _label_corner([left])
+    _label_highpass([left])
     left.legend(fontsize=11)
     right.plot(answer.time, answer.measured * MICRO, color=ACTIVE, lw=4.0, alpha=0.5, label="FMUs")
     right.plot(answer.time, answer.expected * MICRO, "--", color="black", label="closed form")
     right.set(
         xlabel="time (s)", ylabel="rotation of the payload about x (\N{MICRO SIGN}rad)",
-        title=f"From the start: 1 \N{MICRO SIGN}g on one sensor, {BIAS_CORNER:g} Hz",
+        title=f"From the start: 1 \N{MICRO SIGN}g on one sensor, {BIAS_HIGHPASS:g} Hz",
     )  # fmt: skip
     right.legend(fontsize=11)
     figure.suptitle("What a bias does")
 
 
-def _label_corner(lowest: Sequence[Axes]) -> None:
+def _label_highpass(lowest: Sequence[Axes]) -> None:
     for axes in lowest:
-        axes.set(xlabel="corner of the isolator's high-pass (Hz)")
+        axes.set(xlabel="high-pass frequency of the isolator (Hz)")
         axes.set_xticks([0.01, 0.1, 1.0], ["0.01", "0.1", "1"])

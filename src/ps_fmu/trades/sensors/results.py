@@ -1,6 +1,6 @@
-"""The trade: jitter of the line of sight over noise and corner for each class of accelerometers, in closed form.
+"""The trade: jitter of the line of sight over noise and high-pass frequency for each class, in closed form.
 
-Beside it runs of the FMUs, with each class at some corners, and with a bias.
+Beside it runs of the FMUs, with each class at some high-pass frequencies, and with a bias.
 """
 
 from __future__ import annotations
@@ -39,29 +39,30 @@ from ...theory.sensed_isolation import (
 
 CLASSES = ("seismic", "navigation", "tactical", "mems")
 STEP = 1e-4  # s
-CORNERS = np.geomspace(0.01, 4.0, 20)  # Hz, of the high-pass
+HIGHPASSES = np.geomspace(0.01, 4.0, 20)  # Hz, of the high-pass
 CROSSOVERS = (None, 0.3, 1.25)  # Hz, of the line-of-sight loop; None: there is none; the last is the default design
 DENSITIES = np.geomspace(1e-9, 1e-3, 121)  # m/s2/sqrt(Hz), of white noise
 MICRO_G = 9.80665e-6  # m/s2
 
-CORNER = "isolator.filters.highpass_frequency"
+HIGHPASS = "isolator.filters.highpass_frequency"
 LINE_OF_SIGHT = ("plant.payload_rotation.x", "plant.payload_rotation.y")
-#: Corners of the runs, Hz: about the best one of the class, and where noise and disturbance prevail.
-MEASURED_CORNERS = {
+#: High-pass frequencies of the runs, Hz: about the best one of the class, and where noise and disturbance prevail.
+MEASURED_HIGHPASSES = {
     "seismic": (0.03, 0.1, 0.3),
     "navigation": (0.3, 1.0, 3.0),
     "tactical": (0.3, 1.0, 3.0),
     "mems": (1.0, 3.0),
 }
-BIAS_CORNER = 0.1  # Hz
+SETTLED = 0.01  # of the variance of a run: so much of it modes may have that have not settled
+BIAS_HIGHPASS = 0.1  # Hz
 BIASED = 3  # number of the accelerometer that has a bias of 1 ug: along z, 0.5 m from x
 
 
 @dataclass(frozen=True, eq=False)
 class Sweep:
-    """Variances of the line of sight, rad2, at the corners of the trade, (n,), with one line-of-sight loop or none.
+    """Variances of the line of sight, rad2, at the high-pass frequencies of the trade, (n,), with one loop or none.
 
-    Infinite where the loops are unstable: such a corner is never the best.
+    Infinite where the loops are unstable: such a frequency is never the best.
     """
 
     disturbance: Array  # what the isolator leaves of the disturbance
@@ -75,7 +76,7 @@ class Sweep:
 
     @property
     def best(self) -> int:
-        """Place of the best corner."""
+        """Place of the best high-pass frequency."""
         return int(self.rms.argmin())
 
     def with_density(self, density: Array) -> Array:
@@ -92,12 +93,12 @@ class ClassResult:
     values: Mapping[str, Value]  # its parameter file
     sweeps: Mapping[float | None, Sweep]  # by crossover of the line-of-sight loop
     offsets: Array
-    """RMS over units of the constant offset from the biases that are left, at the corners of the trade, rad."""
+    """RMS over units of the constant offset from the biases that are left, at each high-pass frequency, rad."""
 
 
 @dataclass(frozen=True, eq=False)
 class Design:
-    """What the trade is of, but for the accelerometers' class and the corner."""
+    """What the trade is of, but for the accelerometers' class and the high-pass frequency."""
 
     isolation: SensedIsolation
     law: PointingLaw  # of the line-of-sight loop
@@ -155,7 +156,7 @@ class Trade:
     """All of it."""
 
     design: Design
-    corners: Array  # of the high-pass in all sweeps, (n,), Hz
+    highpasses: Array  # of the high-pass in all sweeps, (n,), Hz
     passive: float  # RMS of the line of sight without isolator and loop, rad
     loops_alone: Mapping[float, float]  # with a loop and without isolator, by crossover, rad
     white: Mapping[float | None, Sweep]  # with white noise of a density of one, by crossover
@@ -168,7 +169,7 @@ class Trade:
 
 
 def compute_trade(
-    parameters: Path, corners: Array = CORNERS, points: int = 500, system: System | None = None
+    parameters: Path, highpasses: Array = HIGHPASSES, points: int = 500, system: System | None = None
 ) -> Trade:
     """All sweeps, from the parameter files of the classes in a folder, for a system, by default that of the paper.
 
@@ -178,15 +179,15 @@ def compute_trade(
     isolation, tracker = design.isolation, design.tracker
     loops = {crossover: _make_loop(crossover, design) for crossover in CROSSOVERS}
     unit = with_noise(design.sensors, 1.0)
-    white = {key: _sweep(design, unit, corners, loop) for key, loop in loops.items()}
-    classes = {name: _compute_class(design, name, parameters, corners, loops) for name in CLASSES}
+    white = {key: _sweep(design, unit, highpasses, loop) for key, loop in loops.items()}
+    classes = {name: _compute_class(design, name, parameters, highpasses, loops) for name in CLASSES}
     off = isolation.solve(None, 1.0)
     alone = {}
     for crossover, loop in loops.items():
         if crossover is not None and loop is not None:
             found = line_of_sight(_all_but_sensors(isolation.solve(None, 1.0, loop), tracker))
             alone[crossover] = found if isolation.is_stable(None, 1.0, loop) else np.inf
-    return Trade(design, corners, line_of_sight(off.covariance(off.disturbance_density)), alone, white, classes)
+    return Trade(design, highpasses, line_of_sight(off.covariance(off.disturbance_density)), alone, white, classes)
 
 
 def read_class(parameters: Path, name: str, base: InertialSensors) -> tuple[InertialSensors, dict[str, Value]]:
@@ -197,19 +198,19 @@ def read_class(parameters: Path, name: str, base: InertialSensors) -> tuple[Iner
 
 
 def needed_density(trade: Trade, crossover: float | None, goal: float) -> float | None:
-    """Largest noise density, m/s2/sqrt(Hz), at which the best corner is within a goal, rad; None: none of them."""
+    """Largest noise density, m/s2/sqrt(Hz), at which the best high-pass is within a goal, rad; None: none."""
     white = trade.white[crossover]
-    left = goal**2 - white.disturbance - white.tracker  # for the variance by the sensors, at each corner
+    left = goal**2 - white.disturbance - white.tracker  # for the variance by the sensors, at each frequency
     reached = left > 0.0  # of unstable loops it is not
     return float(np.sqrt((left[reached] / white.sensors[reached]).max())) if reached.any() else None
 
 
 def _compute_class(
-    design: Design, name: str, parameters: Path, corners: Array, loops: Mapping[float | None, Pointing]
+    design: Design, name: str, parameters: Path, highpasses: Array, loops: Mapping[float | None, Pointing]
 ) -> ClassResult:
     sensors, values = read_class(parameters, name, design.sensors)
-    offsets = [_offset(design.isolation.solve(sensors, corner), sensors) for corner in corners]
-    sweeps = {key: _sweep(design, sensors, corners, loop) for key, loop in loops.items()}
+    offsets = [_offset(design.isolation.solve(sensors, highpass), sensors) for highpass in highpasses]
+    sweeps = {key: _sweep(design, sensors, highpasses, loop) for key, loop in loops.items()}
     return ClassResult(name, sensors, values, sweeps, np.array(offsets))
 
 
@@ -238,17 +239,17 @@ def _make_loop(crossover: float | None, trade_design: Design) -> Pointing:
     return law.with_design(design).controller(np.zeros(3)), timing
 
 
-def _sweep(design: Design, sensors: InertialSensors, corners: Array, loop: Pointing) -> Sweep:
-    return Sweep(*np.array([_compute_variances(design, sensors, corner, loop) for corner in corners]).T)
+def _sweep(design: Design, sensors: InertialSensors, highpasses: Array, loop: Pointing) -> Sweep:
+    return Sweep(*np.array([_compute_variances(design, sensors, highpass, loop) for highpass in highpasses]).T)
 
 
 def _compute_variances(
-    design: Design, sensors: InertialSensors, corner: float, loop: Pointing
+    design: Design, sensors: InertialSensors, highpass: float, loop: Pointing
 ) -> tuple[float, float, float]:
     """By disturbance, sensors and tracker, rad2; infinite where the loops are unstable."""
-    if not design.isolation.is_stable(sensors, corner, loop):
+    if not design.isolation.is_stable(sensors, highpass, loop):
         return np.inf, np.inf, np.inf
-    one = design.isolation.solve(sensors, corner, loop)
+    one = design.isolation.solve(sensors, highpass, loop)
     left, noise, tracked = (
         line_of_sight(one.covariance(density)) ** 2
         for density in (one.disturbance_density, one.noise_density(sensors), _tracker(one, design.tracker))
@@ -269,7 +270,7 @@ class Point:
     """One run, and the closed form for it."""
 
     name: str  # of the class
-    corner: float  # Hz
+    highpass: float  # Hz
     measured: float  # RMS of the line of sight, rad
     expected: float  # in closed form, rad
     scatter: float  # relative standard deviation of the RMS of a record as long, in closed form, by the sensors' noise
@@ -299,18 +300,18 @@ def measure_points(
     trade: Trade,
     duration: float,
     seed: int,
-    corners: Mapping[str, tuple[float, ...]] = MEASURED_CORNERS,
+    highpasses: Mapping[str, tuple[float, ...]] = MEASURED_HIGHPASSES,
     progress: Callable[[], object] | None = None,
 ) -> list[Point]:
-    """Run each class at its corners for ``duration``, s, after the filters have settled.  Raises CosimError.
+    """Run each class at its high-pass frequencies for ``duration``, s, after filters and modes have settled.
 
-    Corners at which the isolator is unstable are left out.
+    Raises CosimError.  Those frequencies at which the isolator is unstable are left out.
     """
     cases = [
-        (name, corner)
-        for name, of_class in corners.items()
-        for corner in of_class
-        if trade.isolation.is_stable(trade.classes[name].sensors, corner)
+        (name, highpass)
+        for name, of_class in highpasses.items()
+        for highpass in of_class
+        if trade.isolation.is_stable(trade.classes[name].sensors, highpass)
     ]
     noise, bus = trade.isolation.noise, trade.isolation.bus
     density = psd_at_origin(noise.wrench_psd_B, bus.com_B)
@@ -318,7 +319,8 @@ def measure_points(
     at_lines = replace(trade.isolation, lines=frequency)
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         found = []
-        runs = pool.map(lambda case: _measure(system, trade, case[0], case[1], duration, seed), cases)
+        starts = [find_settling(trade, at_lines, wrench, *case, 1.0 / duration) for case in cases]
+        runs = pool.map(lambda case, start: _measure(system, trade, *case, start, duration, seed), cases, starts)
         for case, measured in zip(cases, runs, strict=True):
             point = _compare(trade, at_lines, wrench, *case, measured, duration)
             found.append(point)
@@ -327,9 +329,28 @@ def measure_points(
     return found
 
 
-def find_settling(corner: float) -> float:
-    """Time after which a high-pass of a corner (Hz) has settled to e^-4, and the disturbance has risen, s."""
-    return 3.0 + 4.0 / (2.0 * np.pi * corner * np.sqrt(0.5))
+def settle_highpass(highpass: float) -> float:
+    """Time after which a high-pass with a frequency (Hz) has settled to e^-4, and the disturbance has risen, s."""
+    return 3.0 + 4.0 / (2.0 * np.pi * highpass * np.sqrt(0.5))
+
+
+def find_settling(
+    trade: Trade, at_lines: SensedIsolation, wrench: Complex, name: str, highpass: float, spacing: float
+) -> float:
+    """Time to wait before a run is measured, s: until the high-pass has settled, and modes that matter.
+
+    A mode begins with the amplitude that it keeps.  As exp(-decay t) it leaves, and its variance is a share of the
+    whole: that of the spectral lines (n,), ``spacing`` Hz apart, beside its frequency.  The run waits until what is
+    left times this share is :data:`SETTLED`.
+    """
+    poles, found = at_lines.loop.plant_poles(), at_lines.solve(trade.classes[name].sensors, highpass)
+    whole = line_of_sight(found.covariance_of_lines(wrench)) ** 2
+    times = [settle_highpass(highpass)]
+    for pole in poles[(poles.imag > 0.0) & (poles.real < 0.0)]:
+        beside = np.abs(at_lines.frequency - abs(pole) / (2.0 * np.pi)) <= spacing
+        share = line_of_sight(found.covariance_of_lines(beside[:, None] * wrench)) ** 2 / whole
+        times.append(np.log(max(share, SETTLED) / SETTLED) / -float(pole.real))
+    return float(max(times))
 
 
 def measure_bias(system: System, design: Design, duration: float = 10.0) -> BiasAnswer:
@@ -341,7 +362,7 @@ def measure_bias(system: System, design: Design, duration: float = 10.0) -> Bias
         "sensors.accelerometer.bias_instability": 0.0,
         "sensors.accelerometer.resolution": 0.0,  # rounding would be as large as the bias
         f"sensors.accelerometer_{BIASED}.bias": MICRO_G,
-        CORNER: BIAS_CORNER,
+        HIGHPASS: BIAS_HIGHPASS,
     }
     rows = np.arange(1, 201) * round(duration / STEP / 200)
     samples = compute(
@@ -349,9 +370,9 @@ def measure_bias(system: System, design: Design, duration: float = 10.0) -> Bias
         lambda columns: SampleObserver(columns, LINE_OF_SIGHT[:1], rows.tolist()), only=LINE_OF_SIGHT,
     )  # fmt: skip
     error = design.sensors.estimator[:6, BIASED - 1] * MICRO_G
-    final = float(design.isolation.solve(design.sensors, BIAS_CORNER).offset(error)[0])
+    final = float(design.isolation.solve(design.sensors, BIAS_HIGHPASS).offset(error)[0])
     time = np.asarray(rows * STEP, dtype=np.float64)
-    decay = 2.0 * np.pi * BIAS_CORNER * np.sqrt(0.5)  # rad/s: damping and damped frequency of a Butterworth corner
+    decay = 2.0 * np.pi * BIAS_HIGHPASS * np.sqrt(0.5)  # rad/s: damping and damped frequency of a Butterworth high-pass
     rise = 1.0 - np.exp(-decay * time) * (np.cos(decay * time) + np.sin(decay * time))
     return BiasAnswer(time, samples.values(*LINE_OF_SIGHT[:1])[:, 0], final * rise)
 
@@ -361,8 +382,10 @@ def _open_loop(system: System) -> dict[str, Value]:
     return {f"{one.name}.enabled": False for one in system.components if one.source.stem == POINTING}
 
 
-def _measure(system: System, trade: Trade, name: str, corner: float, duration: float, seed: int) -> float:
-    """RMS of the line of sight in a run, rad."""
+def _measure(
+    system: System, trade: Trade, name: str, highpass: float, start: float, duration: float, seed: int
+) -> float:
+    """RMS of the line of sight in a run after ``start``, s; rad."""
     values = {
         **_open_loop(system),
         **trade.classes[name].values,
@@ -371,9 +394,8 @@ def _measure(system: System, trade: Trade, name: str, corner: float, duration: f
         "disturbance.seed": seed,
         "disturbance.noise.multisine": True,  # its RMS over a period has no scatter
         "disturbance.noise.period": duration,
-        CORNER: corner,
+        HIGHPASS: highpass,
     }
-    start = find_settling(corner)
     statistics = compute(
         system.with_parameters(values), STEP, round((start + duration) / STEP) * STEP,
         lambda columns: Statistics(columns, LINE_OF_SIGHT, start_s=start), only=LINE_OF_SIGHT,
@@ -382,11 +404,17 @@ def _measure(system: System, trade: Trade, name: str, corner: float, duration: f
 
 
 def _compare(
-    trade: Trade, at_lines: SensedIsolation, wrench: Complex, name: str, corner: float, measured: float, duration: float
+    trade: Trade,
+    at_lines: SensedIsolation,
+    wrench: Complex,
+    name: str,
+    highpass: float,
+    measured: float,
+    duration: float,
 ) -> Point:
     sensors = trade.classes[name].sensors
-    found = trade.isolation.solve(sensors, corner)
+    found = trade.isolation.solve(sensors, highpass)
     noise = found.noise_density(sensors)
-    covariance = at_lines.solve(sensors, corner).covariance_of_lines(wrench) + found.covariance(noise)
+    covariance = at_lines.solve(sensors, highpass).covariance_of_lines(wrench) + found.covariance(noise)
     scatter = found.scatter(noise, found.disturbance_density, duration)
-    return Point(name, corner, measured, line_of_sight(covariance), scatter)
+    return Point(name, highpass, measured, line_of_sight(covariance), scatter)

@@ -29,3 +29,10 @@ class Circuit(Slave):
         A = np.array([[0.0, 1.0], [-100.0, -self.value("resistance")]])
         B = np.array([[0.0, 0.0], [0.0, 1.0]])
         return A, B, np.array([[1.0, 0.0], [-100.0, -self.value("resistance")]]), np.array([[0.0, 0.0], [0.0, 1.0]])
+
+    def linearise(self):
+        """The source acts by the switch."""
+        A, B, C, D = self.continuous()
+        closed = np.array([[self.value("closed")]])
+        acting = self.u * closed[0]
+        return (A, B[:, 1:] @ closed, C, D[:, 1:] @ closed), A @ self.x + B[:, 1] * acting
