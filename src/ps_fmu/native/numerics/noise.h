@@ -18,9 +18,10 @@ INLINE void rise(const double *place, int64_t n, double *value, double *slope, d
     }
 }
 
+/* 0 of what is no number. */
 INLINE double limit(double x, double upper)
 {
-    return x < 0.0 ? 0.0 : x > upper ? upper : x;
+    return x > 0.0 ? (x < upper ? x : upper) : 0.0;
 }
 
 INLINE int64_t divide_up(int64_t n, int64_t by)
