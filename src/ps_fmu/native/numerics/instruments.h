@@ -85,7 +85,7 @@ INSTRUCTIONS static int64_t step_inertial(void *arguments, Core *core)
     return CALL_DONE;
 }
 
-enum { SEARCHING, ACQUIRING, LOCKED }; /* Lock of line_of_sight.py */
+enum { SEARCHING, ACQUIRING, LOCKED }; /* what `lock` is: where the target is not, where it has been for too short a time, or measured */
 
 /* The next state of a tracker: Tracker.judge. */
 INLINE int judge(const Tracker *t, int lock, const double *place, bool is_visible, double elapsed)
