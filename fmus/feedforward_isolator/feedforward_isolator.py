@@ -15,8 +15,8 @@ from ps_fmu.interface.ports import (
     ORIENTATION,
     differentiate,
     make_parameter_ports,
+    refuse_delays,
     refuse_parameters,
-    refuse_sampled,
 )  # fmt: skip
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.mechanism.quantities import take_values
@@ -38,6 +38,7 @@ class FeedforwardIsolator(Slave):
     n_states: ClassVar[int] = 3 * MOST_AXIS_STATES  # of Isolator.axis_matrices, axis by axis; unused ones behind them
     n_auxiliary: ClassVar[int] = 6  # acceleration as last sampled, where the controller has a period of its own
     any_step: ClassVar[bool] = True
+    provides_derivatives: ClassVar[bool] = True
     n_memory: ClassVar[int] = 3 + 1 + 1 + 3 + ring_size(3, LONGEST_DELAY)  # see the views in _build
     limit_flag: ClassVar[str] = "saturated"
 
@@ -111,7 +112,7 @@ class FeedforwardIsolator(Slave):
 
     def linearise(self) -> tuple[Matrices, NDArray[np.float64]]:
         """From acceleration and orientation to the forces, without their limit."""
-        refuse_sampled(self.sample_time, self.delay)
+        refuse_delays(sample_time=self.sample_time, delay=self.delay)
         A, B, C = self.isolator.linearise(self.view("orientation"))
         by_turn = differentiate(self.isolator.linearise, self.view("orientation"))
         nx, n, x, acceleration = self.n_states, len(A), self.x[: len(A)], self.u[:6]

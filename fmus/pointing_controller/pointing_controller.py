@@ -16,8 +16,8 @@ from ps_fmu.interface.ports import (
     ORIENTATION,
     differentiate,
     make_parameter_ports,
+    refuse_delays,
     refuse_parameters,
-    refuse_sampled,
 )  # fmt: skip
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.mechanism.quantities import take_values
@@ -39,6 +39,7 @@ class PointingController(Slave):
     n_states: ClassVar[int] = N_STATES
     n_auxiliary: ClassVar[int] = 3  # the error as last sampled
     any_step: ClassVar[bool] = True
+    provides_derivatives: ClassVar[bool] = True
     n_memory: ClassVar[int] = 3 + 3 + 3 + 1 + 1 + ring_size(3, LONGEST_DELAY)  # see the views in _build
 
     ports: ClassVar[tuple[Port, ...]] = (
@@ -107,7 +108,7 @@ class PointingController(Slave):
 
     def linearise(self) -> tuple[Matrices, NDArray[np.float64]]:
         """From error and orientation to the forces, without their limit."""
-        refuse_sampled(self.sample_time, self.delay)
+        refuse_delays(sample_time=self.sample_time, delay=self.delay)
         law, x, error = self.law, self.x, self.view("line_of_sight_error")
         A, B, C = law.controller(self.view("orientation")).matrices()
         locked, enabled = bool(self.value("locked")), bool(self.value("enabled"))

@@ -90,13 +90,6 @@ def refuse_parameters(method: F) -> F:
     return wrapper  # type: ignore[return-value]
 
 
-def refuse_sampled(sample_time: float, delay: float) -> None:
-    """For ``linearise`` of a controller: a ModelError that names what makes it no continuous system; times in s."""
-    for name, time in (("sample_time", sample_time), ("delay", delay)):
-        if time:
-            raise ModelError(f"directional derivatives: {name} = {time:g} s; expected 0, a system in continuous time")
-
-
 def differentiate(matrices: Callable[[Array], tuple[Array, ...]], at: Array) -> list[list[Array]]:
     """By each of three angles (rad): the derivatives of matrices that are functions of them, by central differences."""
     step = 1e-5  # rad; leaves 1e-10 of the matrices
@@ -105,3 +98,10 @@ def differentiate(matrices: Callable[[Array], tuple[Array, ...]], at: Array) -> 
         pairs = zip(matrices(at + turn), matrices(at - turn), strict=True)
         found.append([np.asarray(above - below) / (2.0 * step) for above, below in pairs])
     return found
+
+
+def refuse_delays(**times: float) -> None:
+    """Raise ModelError for a sample time or a delay, s, that is not 0: a linear continuous system has none."""
+    for name, time in times.items():
+        if time:
+            raise ModelError(f"{name} = {time:g} s: expected 0, since a linear continuous system has no delay")
