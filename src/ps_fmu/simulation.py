@@ -1,4 +1,4 @@
-"""A scenario in a few lines of Python, for notebooks and scripts: ``simulate`` and ``Session``."""
+"""A scenario in a few lines of Python, for notebooks and scripts: ``simulate``, ``Session``, ``linearise``."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from types import TracebackType
-from typing import Self, Unpack
+from typing import TYPE_CHECKING, Self, Unpack
 
 import numpy as np
 
@@ -17,6 +17,10 @@ from .result import Result, read_folder, write_values
 from .runs.options import PARAMETERS, GivenOptions, OptionError, claim_folder, make_options
 from .runs.output import hold_folder, leave_no_empty_folder
 from .runs.run import Run, SharedSystem, build_fmus, execute, find
+from .runs.runner import Runner
+
+if TYPE_CHECKING:
+    from control import StateSpace
 
 
 def simulate(
@@ -96,6 +100,60 @@ def simulate(
         build_fmus(chosen)
         done = execute(chosen, shown.append)
     return Result(folder, "\n".join([*shown, *([done.refused] if done.refused else [])]))
+
+
+def linearise(
+    what: str = "isolation",
+    *,
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    at: float = 0.0,
+    constant: Sequence[str] = (),
+    parameters: Mapping[str, Value] | None = None,
+    **options: Unpack[GivenOptions],
+) -> StateSpace:
+    """The linear continuous system that a system of FMUs is about its state at a time, for python-control.
+
+    >>> plant = ps_fmu.linearise("isolation", inputs=["plant.base_torque.x"],
+    ...     outputs=["plant.payload_rotation.x"])  # doctest: +SKIP
+
+    It is made of the directional derivatives of the FMUs, which FMUs of any maker may provide.  Connections act at once,
+    without the delay of an exchange.  Deviations from the present values are its states, inputs and outputs.  Inputs by
+    which an FMU provides no derivative, such as the orientation that gains depend on, are taken as constant.
+
+    Parameters
+    ----------
+    what: a scenario, whose system is taken as its files state it, or any system.
+    inputs: Real inputs ``component.variable``; of a connected one, what is added to its signal.
+    outputs: Real outputs ``component.variable``.
+    at: simulated time at which it is linearised, s; the system runs up to it.
+    constant: components whose outputs are taken as constant, for example a sampled sensor.
+    parameters: start values by ``component.parameter``.
+    options: as of :func:`simulate`: ``instrument``, ``parameter_files``, ``step``, ``replace``, ``system``.
+
+    Raises
+    ------
+    UsageError: a name is unknown, or a component is not linear and continuous, for example by a delay or a sample time.
+    OptionError, CosimError: the system cannot be run up to the time.
+    """
+    from control import StateSpace as Made
+
+    from .cosim.linearisation import linearise as linearise_system
+
+    options.setdefault("progress", False)
+    with tempfile.TemporaryDirectory(prefix="ps_fmu_") as folder:
+        chosen = make_options(what, Path(folder), **options)
+        chosen = replace(chosen, values=_check_values(parameters or {}))
+        build_fmus(chosen)
+        run = Run(chosen)
+        system = run.load()
+        with Runner(system.structure).open(system.structure, step=run.options.step_s) as master:
+            master.initialise()
+            if at:
+                master.run(at)
+            found = linearise_system(master, inputs, outputs, constant)
+    names = {"states": list(found.states), "inputs": list(found.inputs), "outputs": list(found.outputs)}
+    return Made(found.A, found.B, found.C, found.D, name=chosen.system.stem, **names)
 
 
 class Session:
