@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from types import TracebackType
@@ -95,8 +95,8 @@ def simulate(
         if parameters:
             path = folder / PARAMETERS
             write_values(path, _check_values(parameters), resume)
-            chosen = replace(chosen, parameters=(*chosen.parameters, path))
-        chosen = replace(chosen, resume=resume, figures=False)
+            chosen = dataclasses.replace(chosen, parameters=(*chosen.parameters, path))
+        chosen = dataclasses.replace(chosen, resume=resume, figures=False)
         build_fmus(chosen)
         done = execute(chosen, shown.append)
     return Result(folder, "\n".join([*shown, *([done.refused] if done.refused else [])]))
@@ -110,16 +110,20 @@ def linearise(
     at: float = 0.0,
     constant: Sequence[str] = (),
     parameters: Mapping[str, Value] | None = None,
-    **options: Unpack[GivenOptions],
+    parameter_files: Sequence[str | PathLike[str]] = (),
+    instrument: str | PathLike[str] | None = None,
+    system: str | PathLike[str] | None = None,
+    replace: Mapping[str, str | PathLike[str]] | None = None,
+    step: float | None = None,
 ) -> StateSpace:
     """The linear continuous system that a system of FMUs is about its state at a time, for python-control.
 
     >>> plant = ps_fmu.linearise("isolation", inputs=["plant.base_torque.x"],
     ...     outputs=["plant.payload_rotation.x"])  # doctest: +SKIP
 
-    It is made of the directional derivatives of the FMUs, which FMUs of any maker may provide.  Connections act at once,
-    without the delay of an exchange.  Deviations from the present values are its states, inputs and outputs.  Inputs by
-    which an FMU provides no derivative, such as the orientation that gains depend on, are taken as constant.
+    It is made of the directional derivatives of the FMUs, which FMUs of any maker may provide.  Connections act at
+    once, without the delay of an exchange.  Deviations from the present values are its states, inputs and outputs.
+    Inputs by which an FMU provides no derivative, such as the orientation that gains depend on, are taken as constant.
 
     Parameters
     ----------
@@ -129,7 +133,7 @@ def linearise(
     at: simulated time at which it is linearised, s; the system runs up to it.
     constant: components whose outputs are taken as constant, for example a sampled sensor.
     parameters: start values by ``component.parameter``.
-    options: as of :func:`simulate`: ``instrument``, ``parameter_files``, ``step``, ``replace``, ``system``.
+    parameter_files, instrument, system, replace, step: as of :func:`simulate`.
 
     Raises
     ------
@@ -140,14 +144,16 @@ def linearise(
 
     from .cosim.linearisation import linearise as linearise_system
 
-    options.setdefault("progress", False)
     with tempfile.TemporaryDirectory(prefix="ps_fmu_") as folder:
-        chosen = make_options(what, Path(folder), **options)
-        chosen = replace(chosen, values=_check_values(parameters or {}))
+        chosen = make_options(
+            what, Path(folder), progress=False, parameter_files=parameter_files, instrument=instrument, system=system,
+            replace=replace or {}, step=step,
+        )  # fmt: skip
+        chosen = dataclasses.replace(chosen, values=_check_values(parameters or {}))
         build_fmus(chosen)
         run = Run(chosen)
-        system = run.load()
-        with Runner(system.structure).open(system.structure, step=run.options.step_s) as master:
+        loaded = run.load().structure
+        with Runner(loaded).open(loaded, step=run.options.step_s) as master:
             master.initialise()
             if at:
                 master.run(at)
@@ -199,7 +205,7 @@ class Session:
         Raises the errors of :func:`simulate`.
         """
         seed = self.options.seed if seed is None else seed
-        options = replace(self.options, seed=seed, values=_check_values(parameters or {}))
+        options = dataclasses.replace(self.options, seed=seed, values=_check_values(parameters or {}))
         run = Run(options, tuple(cases), self._shared)
         return Result(None, found=(run, find(run)))
 
