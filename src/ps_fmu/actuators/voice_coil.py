@@ -58,14 +58,6 @@ class WhiteNoise:
         return found
 
 
-def sample_deviation(density: float, h: float) -> float:
-    """Standard deviation of white noise with a one-sided density (unit/sqrt(Hz)), one sample a step of ``h`` (s).
-
-    The band ends at ``1 / (2 h)``.
-    """
-    return float(density / np.sqrt(2.0 * h))
-
-
 @dataclass(frozen=True)
 class Coil(Checked):
     """What the data sheet of a voice coil states."""
