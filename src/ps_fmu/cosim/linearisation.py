@@ -120,7 +120,7 @@ def _refuse_others(
             source = master.system.component(name).source.name
             raise UsageError(
                 f"{name} ({source}): it provides no directional derivatives, so the system is not linear with it; "
-                f"expected providesDirectionalDerivative, or constant = ({name!r},), which takes its outputs as constant"
+                f"expected providesDirectionalDerivative, or constant = [{name!r}], which takes its outputs as constant"
             )
 
 
