@@ -134,7 +134,7 @@ class ManipulatorPlant(Slave):
         """There is none."""
 
     def linearise(self) -> tuple[Matrices, Array]:
-        """About the present motion, exactly; the coarse command is no input, since references follow it by a rate limit.
+        """About the present motion, exactly; the coarse command is no input, since references limit its rate.
 
         Nor is a prescribed angular velocity, which is a state.  Mass, inertia and centre of mass of legs and payload,
         which a host adds to its own, have no derivatives.

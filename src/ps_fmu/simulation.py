@@ -118,6 +118,8 @@ def linearise(
 ) -> StateSpace:
     """The linear continuous system that a system of FMUs is about its state at a time, for python-control.
 
+    Names in it have underscores for dots: ``plant_base_torque_x``.
+
     >>> plant = ps_fmu.linearise("isolation", inputs=["plant.base_torque.x"],
     ...     outputs=["plant.payload_rotation.x"])  # doctest: +SKIP
 
@@ -158,8 +160,10 @@ def linearise(
             if at:
                 master.run(at)
             found = linearise_system(master, inputs, outputs, constant)
-    names = {"states": list(found.states), "inputs": list(found.inputs), "outputs": list(found.outputs)}
-    return Made(found.A, found.B, found.C, found.D, name=chosen.system.stem, **names)
+    names = {
+        kind: [name.replace(".", "_") for name in getattr(found, kind)] for kind in ("states", "inputs", "outputs")
+    }
+    return Made(found.A, found.B, found.C, found.D, name=chosen.system.stem.replace(".", "_"), **names)
 
 
 class Session:
