@@ -109,20 +109,21 @@ class Mechanism:
 
     Parameters
     ----------
-    prescribed: the base moves as its input states; mass and modes of the bus are left out.
+    prescribed: the base moves as its input states; mass and modes of the bus are left out, as without a bus.
     """
 
     def __init__(
         self,
         manipulator: Manipulator,
         payload: Payload,
-        bus: Bus,
+        bus: Bus | None,
         servo: CoarseServo | None = None,
         optics: Optics | None = None,
         *,
         prescribed: bool = False,
     ) -> None:
         self.struct = m = _Mechanism()
+        prescribed = prescribed or bus is None
         geometry, rods = manipulator.geometry, manipulator.coarse_rods
         m.base_joint[:] = geometry.base_joints_B.ravel()
         m.platform_joint[:] = geometry.platform_joints_P.ravel()
@@ -138,7 +139,7 @@ class Mechanism:
             m.servo_stiffness, m.servo_damping = omega**2, 2.0 * servo.damping_ratio * omega
         if optics is not None:
             m.focal_length = optics.focal_length
-        bus_modes: Sequence[BusMode] = () if prescribed else drop_unused(bus.modes)
+        bus_modes: Sequence[BusMode] = () if bus is None or prescribed else drop_unused(bus.modes)
         payload_modes: Sequence[TrussMode | PayloadMode] = drop_unused((*payload.truss_modes, *payload.modes))
         counts = ("bus", len(bus_modes), len(m.bus_modes)), ("payload", len(payload_modes), len(m.payload_modes))
         for name, found, most in counts:
@@ -146,7 +147,7 @@ class Mechanism:
                 raise ParameterError(f"{name}.modes", f"{found} modes; at most {most} are possible")
         m.n_bus, m.n_payload = len(bus_modes), len(payload_modes)
         less = np.zeros((6, 6))
-        if not prescribed:
+        if bus is not None and not prescribed:
             m.bus[:] = _join(bus.mass, bus.com_B, bus.inertia_B)
             for to, mode in zip(m.bus_modes, bus_modes, strict=False):
                 _fill(to, mode.participation_B, np.zeros(6), 1.0, mode, np.zeros(2))

@@ -218,6 +218,15 @@ def bus_mass(bus: Bus) -> Array:
     return rigid_body_mass(bus.mass, bus.com_B, bus.inertia_B)
 
 
+def find_fine_mass(manipulator: Manipulator, payload: Payload, pose: Pose, J: Jacobians) -> tuple[Array, Array]:
+    """Inertial forces along the fine legs by their own accelerations (3, 3), and by those of the base (3, 6).
+
+    ``J``: the Jacobians at the pose.  All modes are held.
+    """
+    M, _, _ = Mechanism(manipulator, payload, None).find_masses(pose.translation_B, pose.rotation_BP, J.J_pl)
+    return M[:3, :3], M[:3, 3:9]
+
+
 def assemble(manipulator: Manipulator, payload: Payload, bus: Bus, pose: Pose) -> Dynamics:
     """The full model at one pose, see :class:`FlexibleSystem`."""
     return FlexibleSystem(manipulator, payload, bus).at(pose)
