@@ -553,3 +553,17 @@ EXPORT void mechanism_find_momentum(const Mechanism *m, const Point *p, const do
     equations_momentum((const double *)&m->rigid, (const double *)&p->motion, p->J_pl, x + lay_out(m).n + SHIFT, momentum,
                        mass);
 }
+
+EXPORT void mechanism_find_relative_momentum(const Mechanism *m, const Place *place, const double *x, const double turn[3],
+                                             double momentum[6])
+{
+    const double none[MECHANISM_INPUTS] = {0.0}, still[3] = {0.0};
+    double J_pl[36], mass[4];
+    EquationsMotion z;
+    gather(m, x, none, &z);
+    memcpy(z.translation, place->translation, sizeof z.translation);
+    memcpy(z.rotation, place->rotation, sizeof z.rotation);
+    memcpy(z.turn, turn, sizeof z.turn);
+    mechanism_invert(m, z.translation, z.rotation, J_pl);
+    equations_momentum((const double *)&m->rigid, (const double *)&z, J_pl, still, momentum, mass);
+}

@@ -132,4 +132,8 @@ EXPORT void mechanism_find_masses(const Mechanism *, const double translation[3]
 /* Momentum of all, linear and angular about the origin of B (6, N.s, N.m.s); mass (kg) and first moment (kg.m) about it. */
 EXPORT void mechanism_find_momentum(const Mechanism *, const Point *, const double *x, double momentum[6], double mass[4]);
 
+/* The same at a place, by the state's rates, with B turning as given (rad/s) and its origin at rest. */
+EXPORT void mechanism_find_relative_momentum(const Mechanism *, const Place *, const double *x, const double turn[3],
+                                             double momentum[6]);
+
 #endif
