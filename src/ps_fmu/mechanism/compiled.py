@@ -13,6 +13,7 @@ from ctypes import POINTER, Structure, c_double, c_int64, c_void_p
 from functools import cache, lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..native import NotCompiledError, load
 from .modes import MOST_BUS_MODES, MOST_PAYLOAD_MODES, MOST_TRUSS_MODES, BusMode, PayloadMode, TrussMode, drop_unused
@@ -170,6 +171,17 @@ class Mechanism:
     def n(self) -> int:
         """Number of coordinates, those that are switched off included."""
         return 12 + int(self.struct.n_bus) + int(self.struct.n_payload)
+
+    def describe_coordinates(self) -> tuple[Array, Array, NDArray[np.bool_]]:
+        """Stiffness and damping (n,) of each coordinate, and which are not switched off; rods as last damped."""
+        m, base = self.struct, np.array([0.0, 0.0, 1.0])
+        legs = np.array([[m.leg_stiffness[i], m.leg_damping[i], m.mask[i]] for i in range(6)])
+        bus, payload = (
+            np.array([[mode.stiffness, mode.damping, mode.mobility] for mode in modes[:count]]).reshape(-1, 3)
+            for modes, count in ((m.bus_modes, m.n_bus), (m.payload_modes, m.n_payload))
+        )
+        stiffness, damping, moves = np.concatenate([legs[3:], np.tile(base, (6, 1)), bus, legs[:3], payload]).T
+        return stiffness, damping, moves > 0.0
 
     def damp_rods(self, M: Array) -> Array:
         """Damping (3,) of the coarse rods, N.s/m, with the masses that they carry in M (n, n); taken from then on."""
