@@ -16,7 +16,7 @@ static const double RAMP = 1e-2;
 static const double BRIEF = 1e-3;
 
 /* Inner steps between two looks at the momentum. */
-enum { BALANCE_EVERY = 8 };
+enum { BALANCE_EVERY = 4 };
 
 /* A servo is at rest when it is this close to its command (m) and this slow (m/s); fine legs, when they are near rest now
    and this much later (s); the base does not turn below this rate (rad/s). */
@@ -727,8 +727,11 @@ static bool take_step(Plant *p, Memory *w, double step, double *input, const dou
         if (done != REST_LEFT)
             return done == REST_DONE;
     }
-    if (w->moving != MOVES && !begin_motion(p, w, x))
-        return false;
+    if (w->moving != MOVES) {
+        w->present.step = step;
+        if (!begin_motion(p, w, x))
+            return false;
+    }
     if (p->prescribed)
         find_carried(p, &w->place, x, turn, &start);
     if (!move(p, w, step, input, command, x, y))
