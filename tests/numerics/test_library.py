@@ -125,6 +125,15 @@ def test_extreme_random_numbers():
         np.testing.assert_allclose(terms[:, 1, 0], radius * np.sin(angle), rtol=0.0, atol=5e-15)
 
 
+def test_exponential():
+    """With the bits of all instructions; relatively as exact for small exponents."""
+    small = np.geomspace(1e-300, 1.0, 400)
+    x = np.concatenate([[0.0, -1e9, -700.5], np.linspace(-699.0, 690.0, 4001), small, -small])
+    found = np.array([[arithmetic.exponential_less_one(value) for value in x.tolist()] for arithmetic in KNOWN])
+    assert (found == found[0]).all()
+    np.testing.assert_allclose(found[0], np.expm1(x), rtol=5e-16, atol=0.0)
+
+
 @pytest.mark.parametrize("numbers", [(0,), (3, 1, 2), (7, 2**32 - 1, 2**32, 5), (2**200 + 9, 1)])
 @pytest.mark.parametrize(("rows", "half"), [(1, 1), (3, 3), (2, 130), (5, 64)])
 def test_keyed_numbers_are_those_of_numpy(numbers, rows, half):

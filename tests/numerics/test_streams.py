@@ -13,12 +13,16 @@ from ps_fmu.actuators.voice_coil import WhiteNoise
 from ps_fmu.disturbance import gaussian, multisine
 from ps_fmu.disturbance.gaussian import GaussianNoise
 from ps_fmu.disturbance.multisine import Multisine
-from ps_fmu.numerics.normal import Stream, make_key, make_words, seed
+from ps_fmu.numerics.normal import Stream, make_key, make_words
 from ps_fmu.sensors import errors, line_of_sight
 from ps_fmu.sensors.errors import NoiseModel, SensorNoise
 from ps_fmu.sensors.line_of_sight import DEFAULT_TRACKER
 
 NUMBERS = range(3)
+
+
+def seed(words):
+    return np.random.SeedSequence(list(words))
 
 
 def _list_keys() -> Iterator[tuple[int, ...]]:

@@ -58,14 +58,6 @@ class WhiteNoise:
         return found
 
 
-def sample_deviation(density: float, h: float) -> float:
-    """Standard deviation of white noise with a one-sided density (unit/sqrt(Hz)), one sample a step of ``h`` (s).
-
-    The band ends at ``1 / (2 h)``.
-    """
-    return float(density / np.sqrt(2.0 * h))
-
-
 @dataclass(frozen=True)
 class Coil(Checked):
     """What the data sheet of a voice coil states."""
@@ -85,6 +77,14 @@ class Coil(Checked):
         if self.ripple:
             shape = shape + self.ripple * np.sin(self.ripple_factor * displacement + self.ripple_phase)
         return np.asarray(self.force_constant * shape)
+
+    def differentiate_constant(self, displacement: Array) -> Array:
+        """dk/dx at displacements x (n,) from mid-stroke, m; N/(A.m)."""
+        slope = -2.0 * self.stroke_loss * displacement / self.half_stroke**2
+        if self.ripple:
+            angle = self.ripple_factor * displacement + self.ripple_phase
+            slope = slope + self.ripple * self.ripple_factor * np.cos(angle)
+        return np.asarray(self.force_constant * slope)
 
     @property
     def ripple_factor(self) -> float:

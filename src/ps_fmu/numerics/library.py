@@ -128,7 +128,7 @@ class NoiseLayer(Structure):
     _fields_ = (
         ("lines", Lines), *_make_fields("p factor windows draws terms room sizes"), ("rows", c_void_p * BLOCKS),
         *_make_fields("p words; i n_words sources; d power rate period rise_time"), ("number", c_int64 * BLOCKS),
-        *_make_fields("i making done; p samples"),
+        *_make_fields("i making done; p samples; i product"),
     )  # fmt: skip
 
 

@@ -54,13 +54,8 @@ def draw_keyed(words: Words, rows: int, half: int) -> Array:
     """Rows of normal numbers, (rows, 2 half), that belong to words.
 
     Of a row, the first half are ``radius cos(angle)``, the others ``radius sin(angle)``, by Box-Muller; the uniform
-    numbers, (rows, 2, half), are those of numpy's Philox from :func:`seed`.
+    numbers, (rows, 2, half), are those of numpy's ``Philox(SeedSequence(words))``.
     """
     normal = np.empty((rows, 2 * half))
     library.find_arithmetic().draw_keyed(words, len(words), rows, half, library.find_address(normal))
     return normal
-
-
-def seed(words: Words) -> np.random.SeedSequence:
-    """What numpy makes a Philox generator of, for the uniform numbers of :func:`draw_keyed`."""
-    return np.random.SeedSequence(list(words))

@@ -16,7 +16,6 @@ Noise is white from sample to sample and independent of axis: a function of the 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import Enum
 from functools import cached_property
 
 import numpy as np
@@ -71,17 +70,6 @@ def _second_products(payload: Array, target: Array) -> Array:
     (i, j), (k, m) = _PLACES, _SECOND_PLACES
     q = (payload[..., i] * target[..., j]) @ _RELATIVE_ROWS.T
     return np.asarray(q[..., k] * q[..., m])
-
-
-class Lock(Enum):
-    """State of the tracker; the value is what the FMU keeps, see ``step_tracker`` in ``instruments.h``."""
-
-    SEARCHING = 0.0
-    """The target is not where it could be acquired."""
-    ACQUIRING = 1.0
-    """The target is in the acquisition field, for less than the acquisition time."""
-    LOCKED = 2.0
-    """The target is measured."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -85,7 +85,7 @@ INSTRUCTIONS static int64_t step_inertial(void *arguments, Core *core)
     return CALL_DONE;
 }
 
-enum { SEARCHING, ACQUIRING, LOCKED }; /* Lock of line_of_sight.py */
+enum { SEARCHING, ACQUIRING, LOCKED }; /* what `lock` is: where the target is not, where it has been for too short a time, or measured */
 
 /* The next state of a tracker: Tracker.judge. */
 INLINE int judge(const Tracker *t, int lock, const double *place, bool is_visible, double elapsed)
@@ -116,15 +116,16 @@ INSTRUCTIONS static int64_t step_tracker(void *arguments, Core *core)
     Tracker *t = arguments;
     double *data = core->data, *error = data + t->error, *acquired = data + t->acquired, *lock = data + t->lock;
     const double *place = data + t->place, *sampled = data + t->sampled, h = core->step;
-    const int found = judge(t, (int)*lock, place, data[t->visible] != 0.0, *acquired + 0.5 * h);
-    if (found != (int)*lock || found != ACQUIRING)
+    const int was = *lock == LOCKED ? LOCKED : *lock == ACQUIRING ? ACQUIRING : SEARCHING;
+    const int found = judge(t, was, place, data[t->visible] != 0.0, *acquired + 0.5 * h);
+    if (found != was || found != ACQUIRING)
         *acquired = 0.0;
     *lock = found;
     if (found == ACQUIRING)
         *acquired += h;
     if (t->noisy) {
         const double number = (core->origin + (double)(core->count + 1) * h - data[t->start]) / t->sample_time;
-        const int64_t sample = number < 1.0 ? 0 : (int64_t)ceil(limit(number - 1e-6, 1e15)) - 1;
+        const int64_t sample = number >= 1.0 ? (int64_t)ceil(limit(number - 1e-6, 1e15)) - 1 : 0;
         if (sample != t->sample)
             find_tracker_noise(t->words, t->n_words, sample, t->noise);
         t->sample = sample;
@@ -221,7 +222,8 @@ INSTRUCTIONS static int64_t step_coils(void *arguments, Core *core)
     const double *white = NO_NOISE;
     if (c->noise != 0.0) {
         const double before = (core->origin + h - data[c->start]) / h; /* steps that ended before those of this size */
-        white = find_white(&c->white, (fabs(before) < 1e15 ? (int64_t)round_to_whole(before) : 0) + core->count);
+        const int64_t sample = (fabs(before) < 1e15 ? (int64_t)round_to_whole(before) : 0) + core->count;
+        white = find_white(&c->white, sample > 0 ? sample : 0);
     }
     y[SATURATED] = y[CONTACT] = y[CONTACTS] = 0.0;
     for (int i = 0; i < LEGS; i++) {

@@ -1,8 +1,10 @@
 /* Endless Gaussian noise (gaussian.py), whose blocks are made in parts of some 10 us each. */
 
 enum {
-    NUMBERS = 4096, /* drawn in a part, a multiple of four */
-    LINES = 256     /* made in a part */
+    NUMBERS = 2048, /* drawn in a part, a multiple of four */
+    LINES = 64,     /* made in a part */
+    FOLDS = 4,      /* parts that a spectrum is made in */
+    PARTS = FOLDS + 6 /* of the samples of a phase and group */
 };
 
 /* Value, slope and bend of the polynomial from 0 to 1 (ramp of spectrum.py) at some places from 0 to 1. */
@@ -16,9 +18,10 @@ INLINE void rise(const double *place, int64_t n, double *value, double *slope, d
     }
 }
 
+/* 0 of what is no number. */
 INLINE double limit(double x, double upper)
 {
-    return x < 0.0 ? 0.0 : x > upper ? upper : x;
+    return x > 0.0 ? (x < upper ? x : upper) : 0.0;
 }
 
 INLINE int64_t divide_up(int64_t n, int64_t by)
@@ -62,7 +65,7 @@ INLINE int64_t count_draws(const NoiseLayer *l)
 
 INLINE int64_t count_parts(const NoiseLayer *l)
 {
-    return count_draws(l) + divide_up(l->lines.n, LINES) + 2 * l->lines.phases * l->lines.n_terms;
+    return count_draws(l) + divide_up(l->lines.n, LINES) + PARTS * l->lines.phases * l->lines.n_terms;
 }
 
 INLINE int64_t find_place(int64_t block)
@@ -70,19 +73,46 @@ INLINE int64_t find_place(int64_t block)
     return wrap(block, BLOCKS);
 }
 
-/* The samples of one phase and group: first their transform, then their place among the rows. */
+/* A part of the samples of one phase and group: of their transform, of their sizes, and of their place among the rows. */
 INSTRUCTIONS static void make_samples(NoiseLayer *l, int64_t part, double *rows)
 {
-    const int64_t phase = part / 2 / l->lines.n_terms, group = part / 2 % l->lines.n_terms;
-    const double start = find_start(l, l->making), *sizes = l->windows + phase * l->lines.n_terms * l->lines.points;
+    const Lines *lines = &l->lines;
+    const int64_t phase = part / PARTS / lines->n_terms, group = part / PARTS % lines->n_terms, half = lines->points / 2;
+    const double start = find_start(l, l->making), *sizes = l->windows + phase * lines->n_terms * lines->points;
+    const double *turns = lines->turns + 2 * phase * lines->n;
+    const Lanes *terms = (const Lanes *)l->terms + group * lines->n;
+    Lanes *room = (Lanes *)l->room, *other = room + half + 1;
     const bool rises = start < l->rise_time;
-    if (part % 2 == 1) {
-        store_samples(&l->lines, l->samples, phase, group, rises ? l->sizes : sizes, rows);
+    sizes = rises ? l->sizes : sizes;
+    const int64_t step = part % PARTS - FOLDS;
+    if (part % PARTS == 0)
+        memset(room, 0, sizeof *room * (size_t)(half + 1));
+    if (step < 0) {
+        fold(lines, terms, turns, room, (step + FOLDS) * lines->n / FOLDS, (step + FOLDS + 1) * lines->n / FOLDS);
         return;
     }
-    if (rises && group == 0)
-        find_sizes(l, start, phase);
-    l->samples = transform_lines(&l->lines, l->terms, phase, group, l->room);
+    switch (step) {
+    case 0:
+        pair_up(room, half, lines->roots);
+        l->product = 1;
+        l->samples = (double *)transform(room, other, half, lines->roots, &l->product, 1);
+        return;
+    case 1:
+    case 2:
+        other = l->samples == (double *)room ? other : room;
+        l->samples = (double *)transform((Lanes *)l->samples, other, half, lines->roots, &l->product,
+                                         step == 1 ? 2 : INT64_MAX);
+        return;
+    case 3:
+        if (rises && group == 0)
+            find_sizes(l, start, phase);
+        return;
+    case 4:
+        store_samples(lines, l->samples, phase, group, sizes, 0, half, rows);
+        return;
+    default:
+        store_samples(lines, l->samples, phase, group, sizes, half, lines->points, rows);
+    }
 }
 
 /* The next part of the block under way. */

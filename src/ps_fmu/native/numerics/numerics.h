@@ -117,7 +117,8 @@ typedef struct {
     double power, rate, period, rise_time;
     int64_t number[BLOCKS];  /* of the block in each of the `rows`; NONE: of none */
     int64_t making, done;    /* the block under way, NONE: there is none; how many parts of it are made */
-    const double *samples;   /* in `room`, to be stored by the next part */
+    double *samples;         /* in `room`: a transform under way, whose radices so far have this product */
+    int64_t product;
 } NoiseLayer;
 
 typedef struct {
