@@ -606,6 +606,8 @@ static int rest(Plant *p, Memory *kept, const Model *model, const double *input,
 static bool move_through(Plant *p, Memory *w, double step, double *input, const double *command, double *x, bool ahead)
 {
     const int64_t parts = count_parts(step, INNER_STEP), ramps = count_parts(step, RAMP), r = count_states(p) - 3;
+    if (parts == MOST_PARTS)
+        return false;
     for (int64_t k = 0; k < parts; k++) {
         if (k % (parts / ramps) == 0)
             find_reference_rates(p, command, x + r, step / (double)ramps, input);
@@ -783,7 +785,12 @@ int64_t plant_step(void *arguments, Core *core)
         }
     }
     if (!done) {
-        write_message(core, MESSAGE_REFUSAL, "the step leads to a singular pose of the legs, or to numbers that are not finite");
+        if (count_parts(core->step, INNER_STEP) == MOST_PARTS)
+            write_message(core, MESSAGE_REFUSAL, "a step of %g s in motion, or so long that few digits would be right: "
+                          "expected less than %g s", core->step, INNER_STEP * MOST_PARTS);
+        else
+            write_message(core, MESSAGE_REFUSAL, "the step leads to a singular pose of the legs, or to numbers that are not "
+                          "finite");
         return CALL_REFUSED;
     }
     memcpy(kept->last, x + count_states(p) - 9, sizeof kept->last);
