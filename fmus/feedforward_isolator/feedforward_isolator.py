@@ -15,6 +15,7 @@ from ps_fmu.interface.ports import (
     LONGEST_DELAY,
     ORIENTATION,
     make_parameter_ports,
+    refuse_delays,
     refuse_parameters,
 )  # fmt: skip
 from ps_fmu.mechanism.parameters import LARGEST_ORDER, load
@@ -39,6 +40,7 @@ class FeedforwardIsolator(Slave):
     # Acceleration as last sampled, where the controller has a period of its own; forces that the low-pass filters.
     n_auxiliary: ClassVar[int] = 6 + 3
     any_step: ClassVar[bool] = True
+    provides_derivatives: ClassVar[bool] = True
     n_memory: ClassVar[int] = 3 + 1 + 1 + 3 + ring_size(3, LONGEST_DELAY)  # see the views in _build
     limit_flag: ClassVar[str] = "saturated"
 
@@ -92,7 +94,7 @@ class FeedforwardIsolator(Slave):
     def continuous(self) -> Matrices:
         """The filters: of the base's acceleration, and of the forces that its gains make of it."""
         A, B = make_filters(self.isolator.lowpass, self.isolator.filters)
-        used = np.r_[3:6, 9 : len(A)]
+        used = self._find_used(len(A))
         n, inputs = len(used), self.u.size + self.a.size
         first = self.u.size if self.sample_time else 0
         all_A, all_B = np.zeros((self.n_states, self.n_states)), np.zeros((self.n_states, inputs))
@@ -101,6 +103,23 @@ class FeedforwardIsolator(Slave):
         C, low = np.zeros((self.y.size, self.n_states)), self.isolator.lowpass
         C[:3, 6 : 6 + 3 * low.order] = np.kron(np.eye(3), low.c)
         return all_A, all_B, C, np.zeros((self.y.size, inputs))
+
+    def linearise(self) -> tuple[Matrices, NDArray[np.float64]]:
+        """At the orientation of the gains, which is no input of it, within the force limit."""
+        refuse_delays(sample_time=self.sample_time, delay=self.delay)
+        A, B, C, D = self.isolator.controller(self.kept).matrices()
+        used = self._find_used(len(A))
+        n, on = len(used), float(bool(self.value("enabled")))
+        all_A, all_C = np.zeros((self.n_states, self.n_states)), np.zeros((self.y.size, self.n_states))
+        all_B, all_D = (np.zeros((rows, self.u.size)) for rows in (self.n_states, self.y.size))
+        all_A[:n, :n], all_B[:n, :6] = A[np.ix_(used, used)], B[used]
+        all_C[:3, :n], all_D[:3, :6] = on * C[:, used], on * D
+        all_B[:, 6:], all_D[:, 6:] = np.nan, np.nan
+        return (all_A, all_B, all_C, all_D), all_A @ self.x + all_B[:, :6] @ self.u[:6]
+
+    def _find_used(self, n: int) -> NDArray[np.int64]:
+        """Those of n states of the filters that are states here."""
+        return np.r_[3:6, 9:n]
 
     def before_map(self, h: float) -> Sequence[Element]:
         """Return the sample of the acceleration, and the gains of the orientation."""

@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ps_fmu.interface.ports import make_parameter_ports, refuse_parameters
+from ps_fmu.interface.ports import make_parameter_ports, refuse_delays, refuse_parameters
 from ps_fmu.mechanism.quantities import take_values
 from ps_fmu.numerics.library import find_arithmetic
 from ps_fmu.sensors.inertial import (
@@ -30,6 +30,7 @@ from ps_fmu.slavekit.author.elements import (
     put_before_start,
     ring_size,
 )
+from ps_fmu.slavekit.author.model import Matrices
 from ps_fmu.slavekit.author.slave import Slave
 from ps_fmu.slavekit.author.variables import Port, numbered, vector
 
@@ -45,6 +46,7 @@ class InertialSensors(Slave):
     model_description = "Accelerometers and rate sensors on the bus, and the base motion estimated from their readings"
     n_states: ClassVar[int] = N_STATES
     any_step: ClassVar[bool] = True
+    provides_derivatives: ClassVar[bool] = True
     # Start time (s), whether a range was met, clock, readings as last sampled, past readings.
     n_memory: ClassVar[int] = 3 + CHANNELS + ring_size(CHANNELS, LONGEST_LATENCY)
 
@@ -127,6 +129,28 @@ class InertialSensors(Slave):
         seen = np.flatnonzero(sensors.estimator.any(axis=1))
         estimates = self.places(self.y[:ESTIMATES])[seen]
         return [*elements, Linear(readings, sensors.estimator[np.ix_(seen, on)], estimates)]
+
+    def linearise(self) -> tuple[Matrices, NDArray[np.float64]]:
+        """About the present angular velocity, within the ranges, without noise and resolution."""
+        sensors, w = self.sensors, self.view("base_angular_velocity")
+        refuse_delays(sample_time=sensors.sample_time, latency=sensors.latency)
+        rows, products = sensors.reading_rows
+        true, slopes = np.array([w[i] * w[j] for i, j in PRODUCTS]), np.zeros((len(PRODUCTS), 9))
+        for k, (i, j) in enumerate(PRODUCTS):
+            slopes[k, 6 + i] += w[j]
+            slopes[k, 6 + j] += w[i]
+        kinds = [sensors.accelerometer] * ACCELEROMETERS + [sensors.rate_sensor] * (CHANNELS - ACCELEROMETERS)
+        A, b = (np.array(parts) for parts in zip(*(kind.lowpass.matrices for kind in kinds), strict=True))
+        A, b = A * sensors.enabled[:, None, None], b * sensors.enabled[:, None]
+        through = np.array([not kind.lowpass.bandwidth for kind in kinds])
+        all_A = np.block([[np.diag(A[:, i, j]) for j in (0, 1)] for i in (0, 1)])
+        to_states = np.vstack([np.diag(b[:, 0]), np.diag(b[:, 1])])
+        readings = np.vstack([sensors.estimator, np.eye(CHANNELS), np.zeros((1, CHANNELS))])
+        readings *= sensors.gain * sensors.enabled
+        C = np.hstack([readings * ~through, np.zeros((self.y.size, CHANNELS))])
+        turned = rows + products @ slopes
+        rates = all_A @ self.x + to_states @ (rows @ self.u + products @ true)
+        return (all_A, to_states @ turned, C, readings * through @ turned), rates
 
     @refuse_parameters
     def restore(self) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ps_fmu.control.isolator import UnreachableOrientationError
 from ps_fmu.control.pointing import N_STATES, PointingLaw
@@ -14,6 +15,7 @@ from ps_fmu.interface.ports import (
     LONGEST_DELAY,
     ORIENTATION,
     make_parameter_ports,
+    refuse_delays,
     refuse_parameters,
 )  # fmt: skip
 from ps_fmu.mechanism.parameters import load
@@ -37,6 +39,7 @@ class PointingController(Slave):
     # The error as last sampled; what is integrated, and the integral that is held without lock.
     n_auxiliary: ClassVar[int] = 3 + 6
     any_step: ClassVar[bool] = True
+    provides_derivatives: ClassVar[bool] = True
     n_memory: ClassVar[int] = 3 + 3 + 3 + 1 + 1 + ring_size(3, LONGEST_DELAY)  # see the views in _build
 
     ports: ClassVar[tuple[Port, ...]] = (
@@ -87,6 +90,18 @@ class PointingController(Slave):
         inputs = np.hstack([np.zeros((N_STATES, self.u.size + 3)), np.kron(held, np.eye(3))])
         outputs = np.zeros((self.y.size, N_STATES)), np.zeros((self.y.size, inputs.shape[1]))
         return np.asarray(np.kron(A, np.eye(3))), inputs, *outputs
+
+    def linearise(self) -> tuple[Matrices, NDArray[np.float64]]:
+        """At the orientation of the gains, which is no input of it, within the force limit."""
+        refuse_delays(sample_time=self.sample_time, delay=self.delay)
+        locked, on = bool(self.value("locked")), float(bool(self.value("enabled")))
+        A, B, C = self.law.controller(self.kept).matrices()
+        A[:6] *= locked  # else the integrals stay as they are
+        inputs = np.hstack([B[:, :3] * locked, np.full((N_STATES, 3), np.nan)])
+        D = np.zeros((self.y.size, self.u.size))
+        D[:, 3:] = np.nan
+        outputs = np.vstack([on * C, np.zeros((self.y.size - len(C), N_STATES))])
+        return (A, inputs, outputs, D), A @ self.x + inputs[:, :3] @ self.u[:3]
 
     def before_map(self, h: float) -> Sequence[Element]:
         """Return the sample of the error, the gains of the orientation, and what the limit cut off in the last step."""

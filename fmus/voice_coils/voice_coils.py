@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ps_fmu.actuators.voice_coil import Coils
 from ps_fmu.interface.ports import make_parameter_ports, refuse_parameters
@@ -13,7 +14,8 @@ from ps_fmu.mechanism.parameters import load
 from ps_fmu.mechanism.quantities import take_values
 from ps_fmu.numerics.library import find_arithmetic
 from ps_fmu.slavekit.author.elements import Call, Element
-from ps_fmu.slavekit.author.slave import Slave
+from ps_fmu.slavekit.author.model import Matrices
+from ps_fmu.slavekit.author.slave import ModelError, Slave
 from ps_fmu.slavekit.author.variables import Port, numbered
 
 DEFAULT = Coils.from_parameters(load())
@@ -30,6 +32,7 @@ class VoiceCoils(Slave):
     physics: ClassVar[type] = Coils
     n_states: ClassVar[int] = N  # currents, A
     any_step: ClassVar[bool] = True
+    provides_derivatives: ClassVar[bool] = True
     n_memory: ClassVar[int] = 1 + 2 * N  # start time, s; what contacts are counted with
 
     ports: ClassVar[tuple[Port, ...]] = (
@@ -74,6 +77,25 @@ class VoiceCoils(Slave):
         arguments.start, arguments.counted = memory, memory + 1
         target = np.concatenate([self.places(view) for view in (self.y, self.x, self.memory[1:])])
         return (Call(find_arithmetic().step_coils, arguments, target, arguments.kept),)
+
+    def linearise(self) -> tuple[Matrices, NDArray[np.float64]]:
+        """About the present displacements, within all limits; voltages depend on the size of the step."""
+        coil, driver, stop = self.coils.coil, self.coils.driver, self.coils.stop
+        displacement, eye = self.view("fine_displacement"), np.eye(N)
+        if stop.active and np.abs(displacement).max() > stop.distance:
+            leg = int(np.abs(displacement).argmax()) + 1
+            raise ModelError(f"fine_displacement_{leg}: expected a leg between its stops at {stop.distance:g} m")
+        constant = coil.compute_constant(displacement)
+        rate, back = 2.0 * np.pi * driver.bandwidth, (driver.emf_compensation - 1.0) / coil.inductance
+        velocity, current, change = self.view("fine_velocity"), self.x, coil.differentiate_constant(displacement)
+        A, demand = -rate * eye, rate / coil.force_constant * eye
+        B = np.hstack([demand, demand, np.diag(back * change * velocity), np.diag(back * constant)])
+        C, D = np.zeros((self.y.size, N)), np.zeros((self.y.size, self.u.size))
+        C[:N], C[N : 2 * N], C[3 * N : 4 * N] = np.diag(constant), eye, np.diag(2.0 * coil.resistance * current)
+        D[:N, 2 * N : 3 * N] = np.diag(change * current)
+        C[2 * N : 3 * N] = D[2 * N : 3 * N] = np.nan
+        force = self.u[:N] + self.u[N : 2 * N]
+        return (A, B, C, D), rate * (force / coil.force_constant - current) + back * constant * velocity
 
     def _build(self) -> None:
         self.coils = take_values(DEFAULT, self.parameters())

@@ -168,7 +168,7 @@ def swing_both(pair, begin: float, times: int = 5) -> tuple[list[list[float]], f
         h = STEPS[k % len(STEPS)]
         for instance in pair:
             swung = {"torque": 0.2 * math.sin(k), "locked": k % 11 > 8}
-            instance.set(swung if "torque" in names(instance) else {"source": math.sin(k), "closed": k % 5 < 3})
+            instance.set(swung if "torque" in names(instance) else {"source": math.sin(k)})
             instance.step(t, h)
         found = [instance.outputs() for instance in pair]
         assert found[0] == found[1]
@@ -202,9 +202,9 @@ def test_continuous_equations_against_their_solution(start):
     """Each step with the source that is held in it, whatever its size."""
     circuit, state, t = start("circuit"), np.array([0.1, 0.0, 0.0]), 0.0
     for k, h in enumerate(STEPS * 3):
-        circuit.set({"source": math.cos(k), "closed": k % 4 > 0})
+        circuit.set({"source": math.cos(k)})
         circuit.step(t, h)
-        state[2] = math.cos(k) * (k % 4 > 0)
+        state[2] = math.cos(k)
         state = expm(h * np.array([[0.0, 1.0, 0.0], [-100.0, -0.5, 1.0], [0.0, 0.0, 0.0]])) @ state
         expected = [state[0], -100.0 * state[0] - 0.5 * state[1] + state[2]]
         np.testing.assert_allclose(circuit.outputs(), expected, rtol=1e-12, atol=1e-13)
@@ -220,19 +220,18 @@ def differentiate(instance: InFmpy, unknown: list[str], known: list[str]) -> np.
     return np.array(columns).T
 
 
-@pytest.mark.parametrize("closed", [True, False])
-def test_directional_derivatives_are_those_of_the_equations(start, closed):
-    circuit = start("circuit", closed=closed, resistance=0.25)
+def test_directional_derivatives_are_those_of_the_equations(start):
+    circuit = start("circuit", resistance=0.25)
     circuit.step(0.0, 0.1)
     found = differentiate(circuit, ["der(x[1])", "der(x[2])", "charge", "voltage"], ["x[1]", "x[2]", "source"])
-    assert found.tolist() == [[0.0, 1.0, 0.0], [-100.0, -0.25, closed], [1.0, 0.0, 0.0], [-100.0, -0.25, closed]]
+    assert found.tolist() == [[0.0, 1.0, 0.0], [-100.0, -0.25, 1.0], [1.0, 0.0, 0.0], [-100.0, -0.25, 1.0]]
     names = ["x[1]", "x[2]", "der(x[1])", "der(x[2])"]
     x, v, rate, acceleration = circuit.fmu.getReal([circuit.variables[name].valueReference for name in names])
     assert (x, v) == (circuit.outputs()[0], rate)
     assert acceleration == pytest.approx(-100.0 * x - 0.25 * v, abs=1e-14)
     both = [circuit.variables[name].valueReference for name in ("voltage", "der(x[2])")]
     known = [circuit.variables[name].valueReference for name in ("source", "x[1]")]
-    assert circuit.fmu.getDirectionalDerivative(both, known, [2.0, -0.5]) == [2.0 * closed + 50.0] * 2
+    assert circuit.fmu.getDirectionalDerivative(both, known, [2.0, -0.5]) == [52.0] * 2
 
 
 def test_what_has_no_derivative_is_refused(start, capfd):

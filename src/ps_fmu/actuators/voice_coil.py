@@ -78,6 +78,14 @@ class Coil(Checked):
             shape = shape + self.ripple * np.sin(self.ripple_factor * displacement + self.ripple_phase)
         return np.asarray(self.force_constant * shape)
 
+    def differentiate_constant(self, displacement: Array) -> Array:
+        """dk/dx at displacements x (n,) from mid-stroke, m; N/(A.m)."""
+        slope = -2.0 * self.stroke_loss * displacement / self.half_stroke**2
+        if self.ripple:
+            angle = self.ripple_factor * displacement + self.ripple_phase
+            slope = slope + self.ripple * self.ripple_factor * np.cos(angle)
+        return np.asarray(self.force_constant * slope)
+
     @property
     def ripple_factor(self) -> float:
         """Angle of the ripple per displacement, rad/m."""

@@ -86,3 +86,10 @@ def refuse_parameters(method: F) -> F:
             raise ModelError(str(error)) from None
 
     return wrapper  # type: ignore[return-value]
+
+
+def refuse_delays(**times: float) -> None:
+    """Raise ModelError for a sample time or a delay, s, that is not 0: a linear continuous system has none."""
+    for name, time in times.items():
+        if time:
+            raise ModelError(f"{name} = {time:g} s: expected 0, since a linear continuous system has no delay")

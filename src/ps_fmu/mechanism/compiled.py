@@ -68,7 +68,7 @@ class Point(Structure):
     _fields_ = tuple(
         _fields(
             rates=MOST_STATES, outputs=N_OUTPUTS, reaction=6, twist=6, nominal_twist=6, J_pl=36, nominal_J_pl=36,
-            accelerations=12, body=6, spin=6, kept=18, to_platform=72, lower=66, divisors=12, base_rows=72, motion=81,
+            accelerations=12, body=6, spin=6, kept=18, lower=66, divisors=12, base_rows=72, motion=81,
             velocity=3, turn=3, position=3, place=34,
         )
     )  # fmt: skip

@@ -216,8 +216,8 @@ class Inverse:
         self.platform, self.base = above, transport(above, t) + below
 
 
-def find_mass(p: dict[str, SX], z: dict[str, SX], J_pl: SX, payload: Body, bus: Body) -> tuple[SX, SX, SX]:
-    """(12, 12) mass of legs' lengths and base; (6, 12) to accelerations of P, in P; (6, 6) of all but the bus."""
+def find_mass(p: dict[str, SX], z: dict[str, SX], J_pl: SX, payload: Body, bus: Body) -> tuple[SX, SX]:
+    """(12, 12) mass of legs' lengths and base; (6, 6) of legs and payload as one body on the base."""
     t, R = z["translation"], z["rotation"]
     legs = [Leg(p, z, i) for i in range(6)]
     turn = ca.diagcat(R, R)
@@ -242,7 +242,7 @@ def find_mass(p: dict[str, SX], z: dict[str, SX], J_pl: SX, payload: Body, bus: 
     locked = T.T @ pp @ T + T.T @ pb + pb.T @ T + bb
     locked = mirror(locked)
     M = ca.vertcat(ca.horzcat(mirror(of_legs), with_base), ca.horzcat(with_base.T, locked + bus.matrix))
-    return M, turn.T @ ca.horzcat(J_pl, T), locked
+    return M, locked
 
 
 def mirror(matrix: SX) -> SX:
@@ -313,17 +313,17 @@ def derive_accelerations() -> ca.Function:
     relative = J_pl @ (given[:6] - find_bend(P, Z, twist))
     inverse = Inverse(P, Z, twist, relative, given[:6], given[6:])
     missing = ca.vertcat(J_pl.T @ inverse.platform - Z["leg_force"], inverse.base)
-    M, to_platform, _ = find_mass(P, Z, J_pl, *make_bodies(P, Z))
+    M, _ = find_mass(P, Z, J_pl, *make_bodies(P, Z))
     found, L, divisors = eliminate(M, -missing, mask)
-    left = missing + M @ found
-    solved = given + found
-    along = Z["leg_force"] + ca.vertcat(*((1 - mask[i]) * left[i] for i in range(6)))
-    kept = twist, relative + J_pl @ found[:6], along
-    turned = Z["rotation"].T @ (Z["turn"] + twist[3:])
+    held = [(1 - mask[i]) * dot(M[i, :].T, found) + (1 - mask[i]) * missing[i] for i in range(3)]  # rigid rods
+    along = Z["leg_force"] + ca.vertcat(*held, SX.zeros(3))
+    more, R = J_pl @ found[:6], Z["rotation"]
+    moved = ca.vertcat(found[6:9] + cross(found[9:], Z["translation"]), found[9:]) + more
     outputs = {
-        "accelerations": solved, "body": inverse.body + to_platform @ found, "spin": half_square(turned),
-        "reaction": left[6:], "kept": ca.vertcat(*kept), "to_platform": flat(to_platform), "lower": L,
-        "divisors": divisors, "base_rows": flat(M[6:, :]),
+        "accelerations": given + found, "body": inverse.body + rotate(R.T, moved),
+        "spin": half_square(R.T @ (Z["turn"] + twist[3:])), "reaction": missing[6:] + M[6:, :] @ found,
+        "kept": ca.vertcat(twist, relative + more, along), "lower": L, "divisors": divisors,
+        "base_rows": flat(M[6:, :]),
     }  # fmt: skip
     return make("accelerations", {"p": p, "z": z, "J_pl": J, "mask": mask}, outputs)
 
@@ -351,10 +351,8 @@ def derive_change() -> ca.Function:
 def derive_masses() -> ca.Function:
     """Mass of legs' lengths and base, with all modes held; and of legs and payload as one body on the base."""
     p, z, J, P, Z = make_symbols()
-    M, to_platform, locked = find_mass(P, Z, square(J), *make_bodies(P, Z, whole=True))
-    return make("masses", {"p": p, "z": z, "J_pl": J}, {
-        "M": flat(M), "to_platform": flat(to_platform), "locked": flat(locked),
-    })  # fmt: skip
+    M, locked = find_mass(P, Z, square(J), *make_bodies(P, Z, whole=True))
+    return make("masses", {"p": p, "z": z, "J_pl": J}, {"M": flat(M), "locked": flat(locked)})
 
 
 def derive_momentum() -> ca.Function:

@@ -43,6 +43,21 @@ OUTPUTS = (
     ),
 )  # fmt: skip
 
+#: What the host's hub feels of the relative motion.
+REACTION = (
+    Signal("bus_force", _XYZ, "N", "With base = prescribed: force on the host's bus at the origin of B, in B", 0.1),
+    Signal(
+        "bus_torque", _XYZ, "N.m", "With base = prescribed: torque on the host's bus about the origin of B, in B", 0.1
+    ),
+)
+#: Legs and payload as one rigid body, after their mass in kg.
+LOCKED = (
+    Signal("locked_com", _XYZ, "m", "Centre of mass of legs and payload at the present pose, in B", 0.1, None, False),
+    Signal(
+        "locked_inertia", ("xx", "xy", "xz", "yy", "yz", "zz"), "kg.m2",
+        "Inertia of legs and payload at the present pose, about the origin of B, in B", 1.0, None, False,
+    ),
+)  # fmt: skip
 #: Size of ``y``.
 N_OUTPUTS = sum(len(signal.components) for signal in OUTPUTS)
 #: Size of ``u``.

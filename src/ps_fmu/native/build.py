@@ -126,6 +126,7 @@ _PROGRAMS = (
             (
                 *_place("numerics", "numerics", "sse2", "avx2", "avx512", "expm"),
                 *_place("mechanism", "equations", "mechanism"),
+                *_place("plant", "plant", "model"),
                 *_CONTROL,
                 *_KERNEL,
             ),

@@ -235,6 +235,10 @@ class Coils(Kept):
     )
 
 
+LANES = 8
+"""Rows of a matrix that a map takes together."""
+
+
 class Discretisation(Structure):
     """``Discretisation`` of expm.h."""
 
@@ -242,6 +246,33 @@ class Discretisation(Structure):
         *((name, c_int64) for name in ("n", "m", "stride")), ("step", c_double),
         *((name, c_void_p) for name in ("A", "B", "exponential", "held", "ramp", "room")),
         *((name, c_int64) for name in ("stage", "column", "halvings", "doublings", "sweeps")), ("largest", c_double),
+    )  # fmt: skip
+
+
+class Room(Structure):
+    """``BlockRoom`` of ``native/numerics/expm.h``: where ``make_blocks`` puts what it makes.
+
+    Its arrays, for matrices of n columns and ``groups`` groups of rows, live as long as it.
+    """
+
+    _fields_ = (
+        ("blocks", c_void_p), ("columns", c_void_p), ("numbers", c_void_p), ("costs", c_void_p), ("words", c_void_p)
+    )  # fmt: skip
+
+    def __init__(self, n: int, groups: int) -> None:
+        self.arrays = (
+            np.zeros((groups, 5), np.int64), np.zeros(groups * n, np.int32), allocate(groups * n * LANES),
+            np.zeros(groups + 1), np.zeros((groups + 1) * (n // 64 + 2), np.int64),
+        )  # fmt: skip
+        super().__init__(*(array.ctypes.data for array in self.arrays))
+
+
+class MapWords(Structure):
+    """The structure ``Map`` in ``native/kernel/core.h``."""
+
+    _fields_ = (
+        ("source", c_void_p), ("target", c_void_p), ("work", c_void_p), ("n_target", c_int64), ("n_blocks", c_int64),
+        ("blocks", c_void_p), ("columns", c_void_p), ("numbers", c_void_p),
     )  # fmt: skip
 
 

@@ -28,6 +28,7 @@ from ..cosim.structure import Parameter, PortName, parse_port
 from ..interface.linear_system import Circuit
 from ..interface.system_model import DELAYS
 from ..mechanism.quantities import ParameterError
+from ..results.observers.bins import MeanObserver
 from ..results.summary import FmuFile
 from ..theory.sampled import round_delay
 from .index_record import IndexLog
@@ -89,6 +90,8 @@ class RunSystem:
     """All that a run can record."""
     kept: KeptRows | None = None
     """Where the rows of the runs are kept in memory; None: they are written into results.nc."""
+    motions: dict[str, MeanObserver] = field(default_factory=dict)
+    """Mean motion of base and payload in the rows of each case that are written into results.nc."""
     circuits: dict[tuple[object, ...], Circuit] = field(default_factory=dict)
     """Linear models of cases, by their step and what they set, see :mod:`.divergence`."""
     runner: Runner | None = None

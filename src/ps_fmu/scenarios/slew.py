@@ -163,7 +163,7 @@ def explore_slews(slews: Slews, shaded: Sequence[Spans], system: RunSystem, resu
     )  # fmt: skip
     settled = _chart_settled(slews, results)
     runs = [(label, name) for (label, _), name in zip(SHOWN, CASES, strict=True)]
-    return Exploration([group, *settled], mechanism=show_mechanism(system, results, runs))
+    return Exploration([group, *settled], mechanism=show_mechanism(system, runs))
 
 
 def _chart(off: Envelope, on: Envelope, **more: Any) -> list[Chart]:

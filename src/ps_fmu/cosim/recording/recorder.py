@@ -24,7 +24,7 @@ from ..checkpoint.state import RowJournal
 from ..errors import RecorderError, UsageError
 from ..rows import Array, Column
 from .decimate import Decimator
-from .delivery import write_rows
+from .delivery import Observer, write_rows
 from .thinner import Thinner
 
 CHUNK_ROWS = 4000
@@ -73,6 +73,8 @@ class Recorder:
     append: add the group to an existing file
     rows: expected number of rows, if it is known; the run may have more or fewer
 
+    Attributes: ``columns`` that are stored, and ``watching``: observers of the rows that are stored.
+
     Raises :class:`UsageError` for arguments that do not fit, :class:`RecorderError` if the file cannot be
     written.
     """
@@ -94,17 +96,18 @@ class Recorder:
         self._thinner = Thinner(columns, step, storage_step, select)
         self.factor = self._thinner.factor
         self._step = step
-        self._columns = self._thinner.columns
-        self._row_bytes = 8 + sum(STORAGE[column.type][1] for column in self._columns)
+        self.columns = self._thinner.columns
+        self._row_bytes = 8 + sum(STORAGE[column.type][1] for column in self.columns)
         chunk = CHUNK_ROWS if rows is None else find_chunk_rows(-(-rows // self.factor))
         # What does not fit in whole chunks is lost: of little room not much at once.
         most = int(min(self._find_room()) / LEAST_CHUNKS / self._row_bytes)
-        most = min(most, MOST_CHUNK_BYTES // (8 * (1 + len(self._columns))))  # doubles of all types, in memory
+        most = min(most, MOST_CHUNK_BYTES // (8 * (1 + len(self.columns))))  # doubles of all types, in memory
         self._chunk = self._enough = max(LEAST_CHUNK_ROWS, min(chunk, most))
         # Values of a column side by side, time first: netCDF4 would copy each column from all over the rows.
-        self._pending: Array = np.empty((1 + len(self._columns), self._enough))
-        self._copy = ColumnCopy(range(len(self._columns)), len(self._columns))
+        self._pending: Array = np.empty((1 + len(self.columns), self._enough))
+        self._copy = ColumnCopy(range(len(self.columns)), len(self.columns))
         self._n_pending = 0
+        self.watching: list[Observer] = []
         self._seen_early: int | None = None
         self._written = 0
         self._last_write = wall_clock.perf_counter()
@@ -150,7 +153,7 @@ class Recorder:
     @property
     def journal_width(self) -> int:
         """Numbers in a row of the journal of a checkpoint: the time, then the columns."""
-        return 1 + len(self._columns)
+        return 1 + len(self.columns)
 
     def use_journal(self, journal: RowJournal) -> None:
         """Add the rows that are stored to a journal, too: a file of netCDF that a kill has torn is not read again."""
@@ -210,7 +213,7 @@ class Recorder:
         group.setncatts(dict(attributes))
         group.createDimension("time", None)
         time = Column("time", TIME_UNITS, "Real", "simulated time")
-        self._variables = [self._variable(group, column) for column in (time, *self._columns)]
+        self._variables = [self._variable(group, column) for column in (time, *self.columns)]
         self._variables[0].setncatts({"standard_name": "time", "axis": "T", "calendar": "standard"})
         _describe_filter(group.createGroup(FILTER), self._thinner.decimator, self._step)
         self._dataset.sync()
@@ -231,6 +234,8 @@ class Recorder:
 
     def store(self, times: Array, rows: Array) -> None:
         """Store rows (n, columns) that are selected, filtered and thinned already, with their times (n,)."""
+        for observer in self.watching if len(rows) else ():
+            observer.block(self._written + self._n_pending, times, rows)
         taken = 0
         while taken < len(rows):
             begin = self._n_pending
@@ -282,7 +287,7 @@ class Recorder:
     def _check_space(self, rows: int) -> None:
         """HDF5 does not recover from a write that fails half-way: refuse before it starts."""
         chunks = -(-(self._written + rows) // self._chunk) - -(-self._written // self._chunk)
-        needed = chunks * self._chunk * self._row_bytes + METADATA_BYTES * (len(self._columns) + 16)
+        needed = chunks * self._chunk * self._row_bytes + METADATA_BYTES * (len(self.columns) + 16)
         free, limit = self._find_room()
         if needed > min(free, limit):
             reason = "the disk is full" if free <= limit else "the file size limit of this process is reached"

@@ -76,8 +76,8 @@ static void pass_message(fmi2ComponentEnvironment environment, fmi2String name, 
         m->host.logger(m->host.componentEnvironment, name, status, category, message);
 }
 
-/* Pass a text on to the host, if it logs this category: safe as a printf format. */
-static void tell(const Instance *m, fmi2Status status, const char *text)
+/* Safe as a printf format. */
+void instance_tell(const Instance *m, fmi2Status status, const char *text)
 {
     const char *category = category_of(status);
     Text safe = {0};
@@ -92,12 +92,7 @@ static void tell(const Instance *m, fmi2Status status, const char *text)
 static void say(const Instance *m, const char *text)
 {
     fprintf(stderr, "%s: %s\n", m->name, text);
-    tell(m, fmi2Error, text);
-}
-
-void instance_warn(const Instance *m, const char *text)
-{
-    tell(m, fmi2Warning, text);
+    instance_tell(m, fmi2Error, text);
 }
 
 fmi2Status instance_refuse(const Instance *m, const char *function, const char *reason)

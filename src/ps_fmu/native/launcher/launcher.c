@@ -180,9 +180,14 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReferenc
     if (fault == NULL && c != NULL && native_needs_linear(c)) {
         ENTER(c, __func__);
         fmi2String answer = NULL;
-        fmi2Status status = leave(m->core != NULL ? wrapper.GetString(m->inner, &reference, 1, &answer) : fmi2OK);
+        fmi2Status status = m->core != NULL ? wrapper.GetString(m->inner, &reference, 1, &answer) : fmi2OK;
+        if (status == fmi2OK && answer != NULL && answer[0] != '\0') { /* why there is no linear model now */
+            instance_tell(m, fmi2Discard, answer);
+            status = fmi2Discard;
+        }
+        leave(status);
         if (status != fmi2OK)
-            return status;
+            return status == fmi2Fatal ? fmi2Error : status;
     }
     if (fault == NULL)
         fault = native_differentiate(c, unknown, n_unknown, known, n_known, direction, result);

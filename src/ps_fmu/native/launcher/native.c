@@ -155,7 +155,7 @@ NOT_INLINE static void pass_warning(const Instance *m, Core *core)
     core->message_status = MESSAGE_NONE;
     char *text = formatted("%s: %s", core->label, core->message);
     if (text != NULL)
-        instance_warn(m, text);
+        instance_tell(m, fmi2Warning, text);
     free(text);
 }
 
@@ -385,6 +385,8 @@ const char *native_differentiate(const Instance *m, const fmi2ValueReference unk
         result[i] = 0.0;
         for (size_t j = 0; j < n_known; j++)
             result[i] += row[find_column(core, known[j]) * rows] * direction[j];
+        if (result[i] != result[i])
+            return "a derivative is not provided: the output is not linear in an input, or depends on the size of the step";
     }
     return NULL;
 }

@@ -79,11 +79,10 @@ void equations_legs(const double *p, const double *z, double *restrict lengths, 
     *restrict J_pl, double *restrict divisor);
 
 /* All accelerations, and what their derivatives take. From p (194), z (81), J_pl (36), mask (12): accelerations
-   (12), body (6), spin (6), reaction (6), kept (18), to_platform (72), lower (66), divisors (12), base_rows (72). */
+   (12), body (6), spin (6), reaction (6), kept (18), lower (66), divisors (12), base_rows (72). */
 void equations_accelerations(const double *p, const double *z, const double *J_pl, const double *mask, double
     *restrict accelerations, double *restrict body, double *restrict spin, double *restrict reaction, double
-    *restrict kept, double *restrict to_platform, double *restrict lower, double *restrict divisors, double
-    *restrict base_rows);
+    *restrict kept, double *restrict lower, double *restrict divisors, double *restrict base_rows);
 
 /* Derivative of the residual along a direction dz, accelerations held. From p (194), z (81), J_pl (36), kept (18),
    accelerations (12), dz (81): residual (12), body (6), spin (6). */
@@ -91,9 +90,9 @@ void equations_change(const double *p, const double *z, const double *J_pl, cons
     *accelerations, const double *dz, double *restrict residual, double *restrict body, double *restrict spin);
 
 /* Mass of legs' lengths and base, with all modes held; and of legs and payload as one body on the base. From p
-   (194), z (81), J_pl (36): M (144), to_platform (72), locked (36). */
+   (194), z (81), J_pl (36): M (144), locked (36). */
 void equations_masses(const double *p, const double *z, const double *J_pl, double *restrict M, double *restrict
-    to_platform, double *restrict locked);
+    locked);
 
 /* Linear and angular momentum of all bodies about the origin of B, mass and first moment. From p (194), z (81),
    J_pl (36), velocity (3): momentum (6), mass (4). */

@@ -38,6 +38,15 @@ static void turn(const double w[3], const double *R, double *result)
     }
 }
 
+/* Both vectors of a wrench. */
+static void rotate(const double *R, const double *six, double *result)
+{
+    for (int i = 0; i < 3; i++) {
+        result[i] = R[3 * i] * six[0] + R[3 * i + 1] * six[1] + R[3 * i + 2] * six[2];
+        result[3 + i] = R[3 * i] * six[3] + R[3 * i + 1] * six[4] + R[3 * i + 2] * six[5];
+    }
+}
+
 static double dot6(const double *a, const double *b)
 {
     return ((a[0] * b[0] + a[1] * b[1]) + (a[2] * b[2] + a[3] * b[3])) + (a[4] * b[4] + a[5] * b[5]);
@@ -311,7 +320,7 @@ EXPORT int64_t mechanism_evaluate(const Mechanism *m, const Place *place, const 
         return 0;
     const double *z = (const double *)&p->motion;
     equations_accelerations((const double *)&m->rigid, z, p->J_pl, m->mask, p->accelerations, p->body, p->spin, p->reaction,
-                            p->kept, p->to_platform, p->lower, p->divisors, p->base_rows);
+                            p->kept, p->lower, p->divisors, p->base_rows);
     memcpy(p->twist, p->kept, sizeof p->twist);
     spread(m, x, u, p->motion.given, p->accelerations, p->body, p->spin, p->rates, p->outputs);
     for (int64_t from = 0; from <= at.n; from += at.n) { /* components in B, which turns */
@@ -348,13 +357,9 @@ static void solve(const Point *p, const double right[12], double found[12])
 /* Generalised forces on legs' lengths and base by a change of forces alone and of the base's prescribed accelerations. */
 static void find_forces(const Point *p, const EquationsMotion *dz, double right[12])
 {
-    const double *R = p->motion.rotation, *t = p->motion.translation, *outer = dz->payload_wrench;
     double wrench[6], moment[3];
-    for (int i = 0; i < 3; i++) {
-        wrench[i] = R[3 * i] * outer[0] + R[3 * i + 1] * outer[1] + R[3 * i + 2] * outer[2];
-        wrench[3 + i] = R[3 * i] * outer[3] + R[3 * i + 1] * outer[4] + R[3 * i + 2] * outer[5];
-    }
-    cross(t, wrench, moment);
+    rotate(p->motion.rotation, dz->payload_wrench, wrench);
+    cross(p->motion.translation, wrench, moment);
     for (int i = 0; i < 6; i++) {
         right[i] = dz->leg_force[i];
         for (int k = 0; k < 6; k++)
@@ -366,6 +371,23 @@ static void find_forces(const Point *p, const EquationsMotion *dz, double right[
             right[i] -= p->base_rows[12 * k + i] * dz->given[6 + k];
 }
 
+/* Add what accelerations of legs' lengths and base are to those of the payload, in P. */
+static void move_platform(const Point *p, const double accelerations[12], double body[6])
+{
+    const double *R = p->motion.rotation, *base = accelerations + 6;
+    double moved[6], transported[3];
+    multiply6(p->J_pl, accelerations, moved);
+    cross(base + 3, p->motion.translation, transported);
+    for (int i = 0; i < 3; i++) {
+        moved[i] += base[i] + transported[i];
+        moved[3 + i] += base[3 + i];
+    }
+    for (int i = 0; i < 3; i++) {
+        body[i] += R[i] * moved[0] + R[3 + i] * moved[1] + R[6 + i] * moved[2];
+        body[3 + i] += R[i] * moved[3] + R[3 + i] * moved[4] + R[6 + i] * moved[5];
+    }
+}
+
 /* Accelerations from forces; what `body` is by the rest is in it already. */
 static void accelerate(const Point *p, const double *given, const double right[12], double found[12], double total[12],
                        double body[6])
@@ -373,21 +395,17 @@ static void accelerate(const Point *p, const double *given, const double right[1
     solve(p, right, found);
     for (int i = 0; i < 12; i++)
         total[i] = given[i] + found[i];
-    for (int i = 0; i < 6; i++) {
-        const double *row = p->to_platform + 12 * i;
-        body[i] += dot6(row, found) + dot6(row + 6, found + 6);
-    }
+    move_platform(p, found, body);
 }
 
 EXPORT void mechanism_accelerate(const Mechanism *m, const Point *p, const double du[MECHANISM_INPUTS], double *d_rates)
 {
     const double still[MECHANISM_STATES] = {0.0}, spin[6] = {0.0};
-    double right[12], found[12], accelerations[12], body[6], y[MECHANISM_OUTPUTS];
+    double right[12], found[12], accelerations[12], body[6] = {0.0}, y[MECHANISM_OUTPUTS];
     EquationsMotion dz;
     gather(m, still, du, &dz);
     find_forces(p, &dz, right);
-    for (int i = 0; i < 6; i++)
-        body[i] = dot6(p->to_platform + 12 * i + 6, dz.given + 6);
+    move_platform(p, dz.given, body);
     accelerate(p, dz.given, right, found, accelerations, body);
     spread(m, still, du, dz.given, accelerations, body, spin, d_rates, y);
 }
@@ -439,10 +457,9 @@ EXPORT void mechanism_differentiate(const Mechanism *m, const Point *p, const do
             right[i] = -right[i];
     } else {
         find_forces(p, &dz, right);
-        for (int i = 0; i < 6; i++) {
-            body[i] = dot6(p->to_platform + 12 * i + 6, dz.given + 6);
-            spin[i] = 0.0;
-        }
+        memset(body, 0, sizeof body);
+        memset(spin, 0, sizeof spin);
+        move_platform(p, dz.given, body);
     }
     accelerate(p, dz.given, right, found, accelerations, body);
     for (int i = 0; i < 6; i++) {
@@ -489,7 +506,7 @@ EXPORT void mechanism_find_masses(const Mechanism *m, const double t[3], const d
                                   const double *q, double *M, double *m_c, double locked[36])
 {
     Layout at = lay_out(m);
-    double rigid[144], to_platform[72], x[MECHANISM_STATES] = {0.0}, u[MECHANISM_INPUTS] = {0.0};
+    double rigid[144], x[MECHANISM_STATES] = {0.0}, u[MECHANISM_INPUTS] = {0.0};
     EquationsMotion z;
     int64_t n = at.n, place[12];
     if (q != NULL)
@@ -497,7 +514,7 @@ EXPORT void mechanism_find_masses(const Mechanism *m, const double t[3], const d
     gather(m, x, u, &z);
     memcpy(z.translation, t, sizeof z.translation);
     memcpy(z.rotation, R, sizeof z.rotation);
-    equations_masses((const double *)&m->rigid, (const double *)&z, J_pl, rigid, to_platform, locked);
+    equations_masses((const double *)&m->rigid, (const double *)&z, J_pl, rigid, locked);
     for (int i = 0; i < 3; i++)
         place[i] = at.rods + i, place[3 + i] = FINE + i;
     for (int i = 0; i < 6; i++)
@@ -516,11 +533,14 @@ EXPORT void mechanism_find_masses(const Mechanism *m, const double t[3], const d
     for (int64_t k = 0; k < m->n_payload; k++) {
         const Mode *mode = m->payload + k;
         int64_t at_mode = at.payload + k;
+        double force[6], moment[3];
+        rotate(R, mode->momentum, force);
+        cross(t, force, moment);
         M[n * at_mode + at_mode] = mode->mass;
         for (int i = 0; i < 12; i++) {
-            double sum = 0.0;
-            for (int j = 0; j < 6; j++)
-                sum += to_platform[12 * j + i] * mode->momentum[j];
+            double sum = i < 6 ? 0.0 : force[i - 6] + (i < 9 ? 0.0 : moment[i - 9]);
+            for (int j = 0; i < 6 && j < 6; j++)
+                sum += J_pl[6 * j + i] * force[j];
             M[n * at_mode + place[i]] = M[n * place[i] + at_mode] = sum;
         }
     }
@@ -532,4 +552,18 @@ EXPORT void mechanism_find_momentum(const Mechanism *m, const Point *p, const do
 {
     equations_momentum((const double *)&m->rigid, (const double *)&p->motion, p->J_pl, x + lay_out(m).n + SHIFT, momentum,
                        mass);
+}
+
+EXPORT void mechanism_find_relative_momentum(const Mechanism *m, const Place *place, const double *x, const double turn[3],
+                                             double momentum[6])
+{
+    const double none[MECHANISM_INPUTS] = {0.0}, still[3] = {0.0};
+    double J_pl[36], mass[4];
+    EquationsMotion z;
+    gather(m, x, none, &z);
+    memcpy(z.translation, place->translation, sizeof z.translation);
+    memcpy(z.rotation, place->rotation, sizeof z.rotation);
+    memcpy(z.turn, turn, sizeof z.turn);
+    mechanism_invert(m, z.translation, z.rotation, J_pl);
+    equations_momentum((const double *)&m->rigid, (const double *)&z, J_pl, still, momentum, mass);
 }

@@ -94,7 +94,7 @@ typedef struct Point {
                                          origin; zero where it moves by forces */
     double twist[6], nominal_twist[6]; /* m/s, rad/s: of both places relative to B, in B; R' = skew(w) R */
     double J_pl[36], nominal_J_pl[36]; /* motion of both places (m, rad, in B) by leg lengths, coarse legs first */
-    double accelerations[12], body[6], spin[6], kept[18], to_platform[72], lower[66], divisors[12], base_rows[72];
+    double accelerations[12], body[6], spin[6], kept[18], lower[66], divisors[12], base_rows[72];
     EquationsMotion motion;
     double velocity[3], turn[3], position[3]; /* of B */
     EquationsPlace place;
@@ -131,5 +131,9 @@ EXPORT void mechanism_find_masses(const Mechanism *, const double translation[3]
 
 /* Momentum of all, linear and angular about the origin of B (6, N.s, N.m.s); mass (kg) and first moment (kg.m) about it. */
 EXPORT void mechanism_find_momentum(const Mechanism *, const Point *, const double *x, double momentum[6], double mass[4]);
+
+/* The same at a place, by the state's rates, with B turning as given (rad/s) and its origin at rest. */
+EXPORT void mechanism_find_relative_momentum(const Mechanism *, const Place *, const double *x, const double turn[3],
+                                             double momentum[6]);
 
 #endif

@@ -135,6 +135,10 @@ static void make_columns(Plant *p, Model *model)
         memset(du, 0, sizeof du);
         *(j < n ? dx + j : du + (j - n)) = 1.0;
         mechanism_differentiate(p->mechanism, &p->centre, dx, du, rates, y, reaction);
+        if (p->prescribed) { /* the base has neither place nor velocity of its own, and its rate is given */
+            memset(rates + 3, 0, 3 * sizeof *rates);
+            memset(rates + count_coordinates(p) + 3, 0, 6 * sizeof *rates);
+        }
         memcpy(model->A + stride * j, rates, sizeof *rates * (size_t)n);
         if (model->centre.rest != 0.0)
             memcpy(model->outputs + pad(MECHANISM_OUTPUTS) * j, y, sizeof y);

@@ -22,6 +22,9 @@ enum { BALANCE_EVERY = 8 };
    and this much later (s); the base does not turn below this rate (rad/s). */
 static const double AT_REST = 1e-12, SOON = 0.01, HARDLY_TURNING = 1e-4;
 
+/* Outputs, with the reaction on the base. */
+enum { N_OUTPUTS = MECHANISM_OUTPUTS + 6 };
+
 enum { FINE = 0, SHIFT = 3, TURN = 6 };
 
 /* Of Memory: `moving`. */
@@ -121,11 +124,11 @@ static void move_place(double t[3], double R[9], const double J_pl[36], const do
 static void follow(const Plant *p, const double J_pl[36], const double change[6], const double lengths[6], double t[3],
                    double R[9])
 {
-    double present[6], J_lp[36], place[12];
+    double present[6], J_lp[36], inverse[36], divisor, place[12];
     move_place(t, R, J_pl, change);
     memcpy(place, t, 3 * sizeof *t);
     memcpy(place + 3, R, 9 * sizeof *R);
-    equations_legs((const double *)&p->mechanism->rigid, place, present, J_lp);
+    equations_legs((const double *)&p->mechanism->rigid, place, present, J_lp, inverse, &divisor);
     for (int k = 0; k < 6; k++)
         present[k] = lengths[k] - present[k];
     move_place(t, R, J_pl, present);
@@ -233,14 +236,26 @@ static void take_momentum(Plant *p, Memory *w, const double *x, bool with_moment
     rotate(w->place.attitude, found + 3, false, w->angular);
 }
 
-/* Momentum of the linear model at rest, about its origin of B. */
+/* Momentum of the linear model at rest, angular momentum about its centre of mass, in axes of B at the centre; without what
+   the turn since then makes of the momentum of the centre: outer forces alone change it. */
 static bool find_linear_momentum(Plant *p, const Model *model, const double *x, double momentum[6])
 {
-    double mass[4], shifted[MECHANISM_STATES];
+    const Centre *c = &model->centre;
+    double mass[4], com[3], carried[3], moment[3], turn[3];
     if (!evaluate_centre(p, model, x + count_coordinates(p), &p->centre))
         return false;
-    memcpy(shifted, x, sizeof *x * (size_t)count_states(p));
-    mechanism_find_momentum(p->mechanism, &p->centre, shifted, momentum, mass);
+    mechanism_find_momentum(p->mechanism, &p->centre, x, momentum, mass);
+    for (int k = 0; k < 3; k++) {
+        com[k] = mass[1 + k] / mass[0];
+        carried[k] = mass[0] * c->velocity[k];
+        turn[k] = x[TURN + k] - c->rotation[k];
+    }
+    cross(com, momentum, moment);
+    for (int k = 0; k < 3; k++)
+        momentum[3 + k] -= moment[k];
+    cross(turn, carried, moment);
+    for (int k = 0; k < 3; k++)
+        momentum[k] += moment[k];
     return true;
 }
 
@@ -256,6 +271,57 @@ static void find_locked(const Plant *p, const Point *point, double locked[10])
     for (int i = 0, place = 4; i < 3; i++)
         for (int k = i; k < 3; k++)
             locked[place++] = 0.5 * (body[6 * (3 + i) + 3 + k] + body[6 * (3 + k) + 3 + i]);
+}
+
+/* --- A base that the host moves --------------------------------------------------------------------------------- */
+
+/* Where the momentum relative to the base is taken at another place, the impulse promised so far is to it. */
+static void keep_promise(const Plant *p, Memory *w, const Place *before, const Place *after, const double *x)
+{
+    const double still[3] = {0.0};
+    double one[6], other[6];
+    mechanism_find_relative_momentum(p->mechanism, before, x, still, one);
+    mechanism_find_relative_momentum(p->mechanism, after, x, still, other);
+    for (int k = 0; k < 6; k++)
+        w->promised[k] += one[k] - other[k];
+}
+
+/* Relative momentum; and momentum of legs and payload, locked, while the base turns. */
+typedef struct {
+    double relative[6], locked[6];
+} Carried;
+
+static void find_carried(const Plant *p, const Place *place, const double *x, const double turn[3], Carried *found)
+{
+    const double still[3] = {0.0}, none[MECHANISM_STATES] = {0.0};
+    mechanism_find_relative_momentum(p->mechanism, place, x, still, found->relative);
+    memset(found->locked, 0, sizeof found->locked);
+    if (largest(turn, NULL, 3) != 0.0)
+        mechanism_find_relative_momentum(p->mechanism, place, none, turn, found->locked);
+}
+
+/* What the base feels over the next step: mean of W = w_p - dP/dt - w x P - dL/dt, with the wrench w_p on the payload,
+   the relative momentum P, and L that of the locked mass, whose own forces the host has.  The impulse that is promised
+   leads to the momentum at the end of the next step, as expected; what was promised before is taken back. */
+static void react(Memory *w, const Carried *start, const Carried *now, const Carried *next, const double *input,
+                  const Place *place, const double turn[3], double h, double *reaction)
+{
+    double wrench[6], crossed[6], expected[6];
+    find_outer(input, place, wrench);
+    for (int k = 0; k < 6; k++)
+        expected[k] = 1.5 * now->relative[k] - 0.5 * start->relative[k];
+    cross(turn, expected, crossed);
+    cross(turn, expected + 3, crossed + 3);
+    for (int k = 0; k < 6; k++) {
+        const double impulse = h * (wrench[k] - crossed[k]) - next->relative[k] - (next->locked[k] - now->locked[k]);
+        reaction[k] = (impulse - w->promised[k] - (now->locked[k] - start->locked[k])) / h + wrench[k];
+        expected[k] = 0.5 * (now->relative[k] + start->relative[k]);
+        w->promised[k] = impulse;
+    }
+    cross(turn, expected, crossed);
+    cross(turn, expected + 3, crossed + 3);
+    for (int k = 0; k < 6; k++)
+        reaction[k] -= crossed[k];
 }
 
 /* --- Steps ------------------------------------------------------------------------------------------------------ */
@@ -349,6 +415,8 @@ static bool move_on(Plant *p, Memory *w, double *x, double h, const double *inpu
         }
     }
     memcpy(f, rates, size);
+    if (p->prescribed)
+        memset(change + n + SHIFT, 0, 6 * sizeof *change);
     if (memcmp(input, w->input, sizeof w->input) != 0) {
         for (int k = 0; k < MECHANISM_INPUTS; k++)
             changed[k] = input[k] - w->input[k];
@@ -359,6 +427,8 @@ static bool move_on(Plant *p, Memory *w, double *x, double h, const double *inpu
     memcpy(w->rates_before, f, size);
     memcpy(w->before, x, size);
     w->step_before = h;
+    if (p->prescribed) /* its rate is the mean over the step */
+        memset(f + n + SHIFT, 0, 6 * sizeof *f);
     for (int k = 0; k < 3; k++) {
         f[SHIFT + k] += w->lead[k] / h;
         f[n + SHIFT + k] += w->lead[3 + k] / h;
@@ -392,11 +462,17 @@ static bool move_on(Plant *p, Memory *w, double *x, double h, const double *inpu
         find_lead(p, model, w, x);
         w->countdown = BALANCE_EVERY;
     }
-    if (w->parts == 0.0 && is_far(p, &w->present, x))
-        begin_next(p, w, x, w->present.step);
-    else if (w->parts == 0.0)
+    return true;
+}
+
+/* A part of the next model, where one is being made, or has to be. */
+static bool look_ahead(Plant *p, Memory *w, const double *x)
+{
+    if (w->parts == 0.0 && !is_far(p, &w->present, x))
         return true;
-    return work_ahead(p, model, w);
+    if (w->parts == 0.0)
+        begin_next(p, w, x, w->present.step);
+    return work_ahead(p, find_model(p, &w->present), w);
 }
 
 /* The state where the coarse legs have come to rest, and the fine legs will be: whether it is so, and the centre there. */
@@ -444,7 +520,7 @@ static bool begin_motion(Plant *p, Memory *w, const double *x)
     if (model == NULL)
         return false;
     const Centre *c = &model->centre;
-    double turn[3], now[6], impulse[3], turned[3], moment[3];
+    double turn[3], now[6], impulse[3], turned[3], before[3], moment[3];
     w->place = model->place;
     for (int k = 0; k < 3; k++)
         turn[k] = x[TURN + k] - c->rotation[k];
@@ -454,22 +530,23 @@ static bool begin_motion(Plant *p, Memory *w, const double *x)
     w->moving = MOVES;
     w->parts = w->step_before = w->countdown = 0.0;
     memset(w->lead, 0, sizeof w->lead);
-    if (p->prescribed)
+    if (p->prescribed) {
+        keep_promise(p, w, &model->place, &w->place, x);
         return true;
+    }
     if (!evaluate(p, &w->place, x, w->input) || !find_linear_momentum(p, model, x, now))
         return false;
-    take_momentum(p, w, x, false);
-    cross(x + SHIFT, now, moment);
-    for (int k = 0; k < 3; k++)
-        now[3 + k] += moment[k];
     for (int k = 0; k < 6; k++)
         now[k] -= w->at_rest[k];
     rotate(c->attitude, now, false, impulse);
     rotate(c->attitude, now + 3, false, turned);
-    for (int k = 0; k < 3; k++) {
+    cross(w->centre, w->momentum, before);
+    for (int k = 0; k < 3; k++)
         w->momentum[k] += impulse[k];
-        w->angular[k] += turned[k];
-    }
+    take_momentum(p, w, x, false);
+    cross(w->centre, w->momentum, moment);
+    for (int k = 0; k < 3; k++)
+        w->angular[k] += turned[k] + (moment[k] - before[k]);
     return true;
 }
 
@@ -477,7 +554,6 @@ static bool begin_motion(Plant *p, Memory *w, const double *x)
 static bool begin_rest(Plant *p, const Model *model, Memory *w, double *x)
 {
     const int64_t s = 2 * count_coordinates(p);
-    double moment[3];
     for (int k = 0; k < 3; k++) {
         x[s + k] = x[s + 6 + k] = model->centre.coarse[k];
         x[s + 3 + k] = 0.0;
@@ -486,14 +562,11 @@ static bool begin_rest(Plant *p, const Model *model, Memory *w, double *x)
     w->parts = 0.0;
     w->present = model->centre;
     find_locked(p, &p->point, w->locked);
-    if (p->prescribed)
+    if (p->prescribed) {
+        keep_promise(p, w, &w->place, &model->place, x);
         return true;
-    if (!find_linear_momentum(p, model, x, w->at_rest))
-        return false;
-    cross(x + SHIFT, w->at_rest, moment);
-    for (int k = 0; k < 3; k++)
-        w->at_rest[3 + k] += moment[k];
-    return true;
+    }
+    return find_linear_momentum(p, model, x, w->at_rest);
 }
 
 /* The references go to the command over a time, limited in rate. */
@@ -529,21 +602,29 @@ static int rest(Plant *p, Memory *kept, const Model *model, const double *input,
     return REST_DONE;
 }
 
+/* All inner steps of a step; `ahead`: with the work on the next model. */
+static bool move_through(Plant *p, Memory *w, double step, double *input, const double *command, double *x, bool ahead)
+{
+    const int64_t parts = count_parts(step, INNER_STEP), ramps = count_parts(step, RAMP), r = count_states(p) - 3;
+    for (int64_t k = 0; k < parts; k++) {
+        if (k % (parts / ramps) == 0)
+            find_reference_rates(p, command, x + r, step / (double)ramps, input);
+        if (!move_on(p, w, x, step / (double)parts, input) || (ahead && !look_ahead(p, w, x)))
+            return false;
+    }
+    return true;
+}
+
 /* A step in motion, likewise. */
 static bool move(Plant *p, Memory *w, double step, double *input, const double *command, double *x, double *y)
 {
-    const int64_t parts = count_parts(step, INNER_STEP), ramps = count_parts(step, RAMP), r = count_states(p) - 3;
     Centre settled;
     if (w->present.step != step) { /* maps are for steps of one size */
         w->present.step = step;
         w->parts = 0.0;
     }
-    for (int64_t k = 0; k < parts; k++) {
-        if (k % (parts / ramps) == 0)
-            find_reference_rates(p, command, x + r, step / (double)ramps, input);
-        if (!move_on(p, w, x, step / (double)parts, input))
-            return false;
-    }
+    if (!move_through(p, w, step, input, command, x, true))
+        return false;
     memcpy(y, p->point.outputs, sizeof p->point.outputs);
     if (!has_come_to_rest(p, w, x, command, step, &settled)) {
         if (w->next.rest != 0.0)
@@ -572,6 +653,16 @@ static const char *const MOTIONS[] = {
     "prescribed_acceleration", "prescribed_angular_acceleration", "prescribed_angular_velocity", "base_force", "base_torque",
 };
 
+/* Which of these are set, and have no effect: bits. */
+static int find_unused(const Plant *p, const double *u)
+{
+    int unused = 0;
+    for (int k = 0; k < (p->prescribed ? 2 : 3); k++)
+        if (largest(u + (p->prescribed ? MECHANISM_BASE_WRENCH : BASE_MOTION) + 3 * k, NULL, 3) != 0.0)
+            unused |= 1 << k;
+    return unused;
+}
+
 /* Warn of a command beyond the stroke, and of inputs without effect: each time that it is another one. */
 static void warn(const Plant *p, Core *core, Memory *kept, const double *u)
 {
@@ -581,10 +672,7 @@ static void warn(const Plant *p, Core *core, Memory *kept, const double *u)
         excess[k] = u[COMMAND + k] - clip(u[COMMAND + k], p->low, p->high);
         worst = fabs(excess[k]) > fabs(excess[worst]) ? k : worst;
     }
-    int unused = 0;
-    for (int k = 0; k < 3; k++)
-        if (p->prescribed ? k < 2 && largest(u + 3 + 3 * k, NULL, 3) != 0.0 : largest(u + BASE_MOTION + 3 * k, NULL, 3) != 0.0)
-            unused |= 1 << k;
+    const int unused = find_unused(p, u);
     if (largest(excess, NULL, 3) != 0.0 && largest(kept->excess, NULL, 3) == 0.0)
         write_message(core, MESSAGE_WARNING, "coarse_command_%d: %.6g m is outside the stroke [%.6g, %.6g] m; held at its end",
                       worst + 1, u[COMMAND + worst], p->low, p->high);
@@ -601,42 +689,101 @@ static void warn(const Plant *p, Core *core, Memory *kept, const double *u)
     kept->unused = unused;
 }
 
+/* The step after one at rest, as far as it is expected: the state then. */
+static bool rest_on(Plant *p, const Model *model, const double *x, double *next)
+{
+    const int64_t n_x = count_states(p);
+    memcpy(p->operand, x, sizeof *x * (size_t)n_x); /* behind it are the inputs */
+    if (!kernel_map(&model->to_rest))
+        return false;
+    memcpy(next, p->result, sizeof *x * (size_t)n_x);
+    return true;
+}
+
+/* A step from w and x to w, x and y; false: refused. */
+static bool take_step(Plant *p, Memory *w, double step, double *input, const double *command, const double *turn, double *x,
+                      double *y)
+{
+    const int64_t n = count_coordinates(p), n_x = count_states(p);
+    double next[MECHANISM_STATES];
+    Carried start, now, after;
+    if (p->prescribed)
+        memcpy(x + n + TURN, turn, 3 * sizeof *x);
+    if (p->prescribed && w->moving == RESTS) {
+        Centre centre = w->present;
+        centre.step = step;
+        const Model *model = find_model(p, &centre);
+        if (model == NULL)
+            return false;
+        find_carried(p, &model->place, x, turn, &start);
+        const int done = rest(p, w, model, input, x, y);
+        if (done == REST_DONE) {
+            find_carried(p, &model->place, x, turn, &now);
+            if (!rest_on(p, model, x, next))
+                return false;
+            find_carried(p, &model->place, next, turn, &after);
+            react(w, &start, &now, &after, input, &model->place, turn, step, y + MECHANISM_OUTPUTS);
+        }
+        if (done != REST_LEFT)
+            return done == REST_DONE;
+    }
+    if (w->moving != MOVES && !begin_motion(p, w, x))
+        return false;
+    if (p->prescribed)
+        find_carried(p, &w->place, x, turn, &start);
+    if (!move(p, w, step, input, command, x, y))
+        return false;
+    if (p->prescribed) {
+        Memory expected = *w;
+        memcpy(next, x, sizeof *x * (size_t)n_x);
+        find_locked(p, &p->point, w->locked);
+        find_carried(p, &w->place, x, turn, &now);
+        if (!move_through(p, &expected, step, input, command, next, false))
+            return false;
+        find_carried(p, &expected.place, next, turn, &after);
+        react(w, &start, &now, &after, input, &w->place, turn, step, y + MECHANISM_OUTPUTS);
+    }
+    return true;
+}
+
 int64_t plant_step(void *arguments, Core *core)
 {
     Plant *p = arguments;
-    double *x = core->data + p->state, *y = core->data + p->output, step = core->step;
+    double *x = core->data + p->state, *y = core->data + p->output;
     const double *u = core->data + p->input;
     Memory *kept = (Memory *)(core->data + p->memory);
-    const int64_t n_x = count_states(p), r = n_x - 3;
-    double input[MECHANISM_INPUTS], command[3];
+    double input[MECHANISM_INPUTS] = {0.0}, command[3];
     memcpy(input, u, sizeof *u * N_LOADS);
+    if (p->prescribed) {
+        memset(input + MECHANISM_BASE_WRENCH, 0, 6 * sizeof *input);
+        memcpy(input + MECHANISM_BASE_MOTION, u + BASE_MOTION, 6 * sizeof *input);
+    }
     for (int k = 0; k < 3; k++)
         command[k] = clip(u[COMMAND + k], p->low, p->high);
-    find_reference_rates(p, command, x + r, step, input);
-    memset(input + MECHANISM_BASE_MOTION, 0, 6 * sizeof *input);
+    find_reference_rates(p, command, x + count_states(p) - 3, core->step, input);
     int done = REST_LEFT;
-    if (kept->moving == RESTS) {
+    if (kept->moving == RESTS && !p->prescribed) {
         Centre centre = kept->present;
-        centre.step = step;
+        centre.step = core->step;
         const Model *model = find_model(p, &centre);
         done = model == NULL ? REST_REFUSED : rest(p, kept, model, input, x, y);
     }
     if (done == REST_LEFT) {
         Memory w = *kept; /* written back when the step is done */
-        double moved[MECHANISM_STATES], outputs[MECHANISM_OUTPUTS];
-        memcpy(moved, x, sizeof *x * (size_t)n_x);
-        done = (w.moving == MOVES || begin_motion(p, &w, moved)) && move(p, &w, step, input, command, moved, outputs);
+        double moved[MECHANISM_STATES], outputs[N_OUTPUTS];
+        memcpy(moved, x, sizeof *x * (size_t)count_states(p));
+        done = take_step(p, &w, core->step, input, command, u + BASE_TURN, moved, outputs);
         if (done) {
             *kept = w;
-            memcpy(x, moved, sizeof *x * (size_t)n_x);
-            memcpy(y, outputs, sizeof outputs);
+            memcpy(x, moved, sizeof *x * (size_t)count_states(p));
+            memcpy(y, outputs, sizeof *y * (size_t)(p->prescribed ? N_OUTPUTS : MECHANISM_OUTPUTS));
         }
     }
     if (!done) {
         write_message(core, MESSAGE_REFUSAL, "the step leads to a singular pose of the legs, or to numbers that are not finite");
         return CALL_REFUSED;
     }
-    memcpy(kept->last, x + r - 6, sizeof kept->last);
+    memcpy(kept->last, x + count_states(p) - 9, sizeof kept->last);
     memcpy(y + MECHANISM_OUTPUTS + 6, kept->locked, sizeof kept->locked);
     warn(p, core, kept, u);
     return CALL_DONE;
@@ -645,8 +792,8 @@ int64_t plant_step(void *arguments, Core *core)
 int64_t plant_begin(void *arguments, Core *core)
 {
     Plant *p = arguments;
-    const double *x = core->data + p->state, *u = core->data + p->input;
-    double *y = core->data + p->output, attitude[4], mass[4], moment[3];
+    const double *u = core->data + p->input;
+    double *x = core->data + p->state, *y = core->data + p->output, attitude[4], momentum[6], mass[4], moment[3];
     Memory *kept = (Memory *)(core->data + p->memory);
     const int64_t n = count_coordinates(p);
     memcpy(attitude, kept->place.attitude, sizeof attitude);
@@ -655,8 +802,20 @@ int64_t plant_begin(void *arguments, Core *core)
     memcpy(kept->place.attitude, attitude, sizeof attitude);
     memcpy(kept->input, u, sizeof *u * N_LOADS);
     p->evaluated = 0;
+    if (p->prescribed) {
+        memset(kept->input + MECHANISM_BASE_WRENCH, 0, 6 * sizeof *u);
+        memcpy(kept->input + MECHANISM_BASE_MOTION, u + BASE_MOTION, 6 * sizeof *u);
+    }
     if (!find_place(p, x + 2 * n, NULL, x + FINE, &kept->place) || !evaluate(p, &kept->place, x, kept->input))
         return CALL_REFUSED;
+    kept->moving = largest(x + n + TURN, NULL, 3) > 0.0 ? MOVES : RESTS;
+    if (kept->moving == MOVES && !p->prescribed) { /* all turns as one body, about its centre of mass */
+        mechanism_find_momentum(p->mechanism, &p->point, x, momentum, mass);
+        for (int k = 0; k < 3; k++)
+            x[n + SHIFT + k] -= momentum[k] / mass[0];
+        if (!evaluate(p, &kept->place, x, kept->input))
+            return CALL_REFUSED;
+    }
     memcpy(y, p->point.outputs, sizeof p->point.outputs);
     find_locked(p, &p->point, kept->locked);
     memcpy(y + MECHANISM_OUTPUTS + 6, kept->locked, sizeof kept->locked);
@@ -665,15 +824,18 @@ int64_t plant_begin(void *arguments, Core *core)
     memcpy(c->velocity, x + n + SHIFT, sizeof c->velocity);
     memcpy(c->attitude, attitude, sizeof attitude);
     memcpy(kept->last, c->coarse, sizeof kept->last);
+    memcpy(kept->start, c->coarse, sizeof kept->start);
     c->rest = 1.0;
     c->step = core->step;
-    kept->moving = largest(x + n + TURN, NULL, 3) > 0.0 ? MOVES : RESTS;
+    kept->unused = find_unused(p, u);
     if (p->prescribed)
         return CALL_DONE;
     take_momentum(p, kept, x, true);
     mechanism_find_momentum(p->mechanism, &p->point, x, kept->at_rest, mass);
-    cross(x + SHIFT, kept->at_rest, moment);
     for (int k = 0; k < 3; k++)
-        kept->at_rest[3 + k] += moment[k];
+        momentum[k] = mass[1 + k] / mass[0];
+    cross(momentum, kept->at_rest, moment);
+    for (int k = 0; k < 3; k++)
+        kept->at_rest[3 + k] -= moment[k];
     return CALL_DONE;
 }

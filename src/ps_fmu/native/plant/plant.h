@@ -41,10 +41,12 @@ typedef struct {
     double before[MECHANISM_STATES], rates_before[MECHANISM_STATES]; /* at the start of the last inner step */
     double step_before;                            /* s; 0: there was none in this motion */
     double momentum[3], angular[3], centre[3];     /* N.s, N.m.s, m: true ones, about where B was at the start; inertial */
-    double at_rest[6];                             /* N.s, N.m.s: of the linear model when it came to rest, in B */
+    double at_rest[6];                             /* N.s, N.m.s: when it came to rest, in B, about the centre of mass */
     double lead[9];                                /* m, m/s, rad/s: what position, velocity, turn of B lack */
+    double promised[6];                            /* N.s, N.m.s: impulse to a base that the host moves */
     double countdown;                              /* inner steps to the next look at the momentum */
     double locked[10];                             /* outputs: mass, centre of mass, inertia of legs and payload */
+    double start[3];                               /* m: coarse actuators at the start */
     double last[3], excess[3], unused;             /* m: actuators, commands beyond the stroke; what has no effect */
 } Memory;
 

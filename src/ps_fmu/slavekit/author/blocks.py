@@ -14,41 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...numerics.library import find_library
+from ...numerics.library import LANES, MapWords, Room, find_library
 from .buffer import Array, allocate_aligned
 
 Matrices = tuple[Array, Array, Array, Array]
 """A, B, C, D of a linear system."""
-
-LANES = 8
-"""Rows taken together."""
-
-
-class Room(ctypes.Structure):
-    """``BlockRoom`` of ``native/numerics/expm.h``: where :func:`make_blocks` of the library puts what it makes.
-
-    Its arrays, for matrices of n columns and ``groups`` groups of rows, live as long as it.
-    """
-
-    _fields_ = (
-        ("blocks", c_void_p), ("columns", c_void_p), ("numbers", c_void_p), ("costs", c_void_p), ("words", c_void_p)
-    )  # fmt: skip
-
-    def __init__(self, n: int, groups: int) -> None:
-        self.arrays = (
-            np.zeros((groups, 5), np.int64), np.zeros(groups * n, np.int32), allocate_aligned(groups * n * LANES),
-            np.zeros(groups + 1), np.zeros((groups + 1) * (n // 64 + 2), np.int64),
-        )  # fmt: skip
-        super().__init__(*(array.ctypes.data for array in self.arrays))
-
-
-class MapWords(ctypes.Structure):
-    """The structure ``Map`` in ``native/kernel/core.h``."""
-
-    _fields_ = (
-        ("source", c_void_p), ("target", c_void_p), ("work", c_void_p), ("n_target", c_int64), ("n_blocks", c_int64),
-        ("blocks", c_void_p), ("columns", c_void_p), ("numbers", c_void_p),
-    )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)

@@ -54,7 +54,7 @@ def model_description(slave: Values, pythonfmu_xml: Callable[[dict[str, str]], E
     slave.default_experiment = DefaultExperiment(0.0, slave.default_stop, slave.default_step)
 
     root = pythonfmu_xml({name: str(value).lower() for name, value in CAPABILITIES.items()})
-    if slave.provides_derivatives():
+    if slave.provides_derivatives:
         _find_child(root, "CoSimulation").set("providesDirectionalDerivative", "true")
     root.set("generationTool", f"ps_fmu {__version__} with {root.get('generationTool')}")
     root.set("generationDateAndTime", _get_date().strftime("%Y-%m-%dT%H:%M:%SZ"))

@@ -38,9 +38,8 @@ class Model(Fmi2Slave):
     terminals: ClassVar[tuple[Terminal, ...]] = ()
     n_states: ClassVar[int] = 0
     """Size of x.  Fixed: a mode that is switched off keeps its place, with zeros."""
-    n_rates: ClassVar[int | None] = None
-    """Number of states, the first of x, for directional derivatives, see :meth:`linearise`; None: all.  Models that
-    override ``linearise`` or ``continuous`` provide them; variables ``x[i]`` and ``der(x[i])`` are listed then."""
+    provides_derivatives: ClassVar[bool] = False
+    """True: hosts may ask for directional derivatives, by :meth:`linearise`; ``x[i]``, ``der(x[i])`` are variables."""
     n_auxiliary: ClassVar[int] = 0
     n_memory: ClassVar[int] = 0
     """Further numbers that events keep; part of the FMU state."""
@@ -97,11 +96,10 @@ class Model(Fmi2Slave):
         return None
 
     def linearise(self) -> tuple[Matrices, Array]:
-        """Return A, B, C, D of the present system about its present state, and the rates of its states (n_rates,).
+        """Return A, B, C, D of the present system about its present state, and the rates of its states (nx,).
 
-        Its states are the first ``n_rates`` of x, its inputs all of u, its outputs all of y, at the end of a short step
-        with these inputs.  Shapes (n_rates, n_rates), (n_rates, nu), (ny, n_rates), (ny, nu).  It is asked for when a
-        host wants directional derivatives, and between events it depends on the buffer alone.  By default, the parts of
+        States x, inputs u, outputs y at the end of a short step with these inputs: shapes (nx, nx), (nx, nu), (ny, nx),
+        (ny, nu).  NaN: this derivative is not provided.  It depends on the buffer alone.  By default, the parts of
         :meth:`continuous`, of a model in which no element passes u on.
 
         Raises
@@ -110,7 +108,7 @@ class Model(Fmi2Slave):
             makes it so.
         """
         matrices = self.continuous()
-        assert matrices is not None  # Values.provides_derivatives
+        assert matrices is not None
         (A, B, C, D), n = matrices, len(self.u)
         return (A, B[:, :n], C, D[:, :n]), A @ self.x + B @ np.concatenate([self.u, self.a])
 

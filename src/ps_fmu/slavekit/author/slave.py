@@ -70,7 +70,7 @@ class Slave(Stepper):
         cls.instances = WeakSet()
         cls.layout = BufferLayout(
             cls.__name__, __version__, cls.ports, cls.n_states, cls.n_auxiliary, cls.n_memory, cls.n_row,
-            (cls.n_states if cls.n_rates is None else cls.n_rates) if cls.provides_derivatives() else 0,
+            cls.n_states if cls.provides_derivatives else 0,
         )  # fmt: skip
 
     def __init__(self, **kwargs: Any) -> None:

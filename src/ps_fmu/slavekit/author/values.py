@@ -11,7 +11,7 @@ import numpy as np
 
 from .buffer import Array, Buffer, BufferLayout
 from .core import LINEAR_REFERENCE, REFERENCE, make_core
-from .guard import Refused
+from .guard import ModelError, Refused
 from .instructions import Finder, Places
 from .model import Model
 from .state import LifePhase
@@ -24,11 +24,6 @@ class Values(Model):
     layout: ClassVar[BufferLayout]
     native: ClassVar[bool] = True
     """False: a launcher passes all calls on to Python; for comparisons."""
-
-    @classmethod
-    def provides_derivatives(cls) -> bool:
-        """Whether it states a linear model."""
-        return cls.linearise is not Model.linearise or cls.continuous is not Model.continuous
 
     def _allocate(self) -> None:
         """The place where the arrays of an instance are made, once."""
@@ -79,7 +74,10 @@ class Values(Model):
         if vrs == [REFERENCE]:
             return [str(ctypes.addressof(self._core) if self.native else 0)]
         if vrs == [LINEAR_REFERENCE]:
-            self._find_rates()
+            try:
+                self._find_rates()
+            except ModelError as error:
+                return [f"{self.instance_name}: no directional derivatives: {error}"]
             return [""]
         return self._get("String", vrs)
 
@@ -110,14 +108,14 @@ class Values(Model):
 
     def _find_rates(self) -> Array:
         """Rates of the states now; the linear model is in the core."""
-        if not self.provides_derivatives():
+        if not self.provides_derivatives:
             raise Refused("directional derivatives: this FMU does not provide them")
         if self._phase == LifePhase.INSTANTIATED:
             raise Refused("directional derivatives are not possible before initialisation mode")
         if self._stale:
             self._configure()
         matrices, rates = self.linearise()
-        n, ny, nu = len(self.layout.rates), self.y.size, self.u.size
+        n, ny, nu = self.n_states, self.y.size, self.u.size
         shapes = (n, n), (n, nu), (ny, n), (ny, nu)
         if tuple(np.shape(matrix) for matrix in matrices) != shapes or np.shape(rates) != (n,):
             raise ValueError(f"{type(self).__name__}.linearise: expected matrices {shapes} and rates {(n,)}")
