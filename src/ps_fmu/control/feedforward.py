@@ -21,7 +21,7 @@ from functools import lru_cache
 import numpy as np
 
 from ..mechanism.discretisation import make_held_step_map, zero_order_hold
-from ..mechanism.dynamics import Pose, leg_mass_on, payload_mass
+from ..mechanism.dynamics import Pose, find_fine_mass
 from ..mechanism.kinematics import jacobians
 from ..mechanism.parameters import FeedforwardFilters, Manipulator, Payload
 from ..mechanism.quantities import Array, Complex
@@ -44,11 +44,10 @@ class Gains:
 def gains(manipulator: Manipulator, payload: Payload, pose: Pose) -> Gains:
     """Eqs (52)-(54) at a pose, for the payload as the controller knows it (its inertia does not matter)."""
     J = jacobians(manipulator.geometry, pose.translation_B, pose.rotation_BP)
-    legs = leg_mass_on(manipulator.coarse_legs + manipulator.fine_legs, manipulator.geometry, J)
     follow = np.linalg.solve(J.J_theta_f, J.J_theta_b)  # fine elongation that undoes the base rotation
-    mass = payload_mass(payload, pose.rotation_BP) + legs.alpha
+    by_legs, by_base = find_fine_mass(manipulator, payload, pose, J)
     return Gains(
-        acceleration=J.J_pf.T @ (mass @ (J.J_pb - J.J_pf @ follow) + legs.alpha_beta),
+        acceleration=by_base - by_legs @ follow,
         velocity=-np.array([[leg.damping] for leg in manipulator.fine_legs]) * follow,
         displacement=-np.array([[leg.stiffness] for leg in manipulator.fine_legs]) * follow,
     )

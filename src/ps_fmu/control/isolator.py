@@ -13,7 +13,8 @@ from functools import cached_property
 
 import numpy as np
 
-from ..mechanism.dynamics import Pose, leg_moments
+from ..mechanism.compiled import leg_moments
+from ..mechanism.dynamics import Pose
 from ..mechanism.inverse_kinematics import N_GEOMETRY, inverse_kinematics, pack_geometry
 from ..mechanism.parameters import FeedforwardFilters, Manipulator, Parameters, Payload
 from ..mechanism.quantities import Array, group

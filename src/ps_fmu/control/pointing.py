@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..mechanism.discretisation import zero_order_hold
-from ..mechanism.dynamics import Pose, leg_mass_on, payload_mass
+from ..mechanism.dynamics import Pose, find_fine_mass
 from ..mechanism.kinematics import jacobians
 from ..mechanism.parameters import Manipulator, Parameters, Payload
 from ..mechanism.quantities import Array, Checked, Complex, group, quantity
@@ -170,8 +170,7 @@ class PointingLaw:
         """The notch at a pose."""
         m = self.manipulator
         J = jacobians(m.geometry, pose.translation_B, pose.rotation_BP)
-        legs = leg_mass_on(m.coarse_legs + m.fine_legs, m.geometry, J)
-        mass = J.J_pf.T @ (payload_mass(self.payload, pose.rotation_BP) + legs.alpha) @ J.J_pf
+        mass, _ = find_fine_mass(m, self.payload, pose, J)
         to_elongation = np.linalg.inv(pose.rotation_BP.T @ J.J_theta_f)  # from rotation in P
         damping, stiffness = (
             np.array([[getattr(leg, name)] for leg in m.fine_legs]) for name in ("damping", "stiffness")
