@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from ..interface.start_values import build_plant_and_isolator
 from ..mechanism.kinematics import KinematicsError
-from ..mechanism.reaction import find_reaction
 from ..mechanism.parameters import ParameterError
+from ..mechanism.reaction import find_reaction
 from ..mechanism.rotations import orientation_rate_map
 from ..requirements.verdict import Answer, count_answers, format_margin
 from ..results.page.content import VerdictRow

@@ -8,7 +8,6 @@ operand is fetched once for all of them.  What is left out are zeros, which chan
 from __future__ import annotations
 
 import ctypes
-from ctypes import c_int64, c_void_p
 from dataclasses import dataclass
 
 import numpy as np
