@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ps_fmu.interface.ports import make_output_ports, make_parameter_ports, refuse_parameters
+from ps_fmu.mechanism.compiled import N_MOVING_INPUTS
 from ps_fmu.mechanism.initial_motion import STILL
 from ps_fmu.mechanism.linear_model import Plant
 from ps_fmu.mechanism.parameters import load
@@ -15,10 +16,12 @@ from ps_fmu.mechanism.quantities import Array, ParameterError, take_values
 from ps_fmu.mechanism.signals import LOCKED, OUTPUTS, REACTION, count_states, servo_slices
 from ps_fmu.mechanism.stepping import N_MEMORY, RENEWAL, Memory, PlantStep, find_step
 from ps_fmu.slavekit.author.elements import Call, Element
+from ps_fmu.slavekit.author.model import Matrices
 from ps_fmu.slavekit.author.slave import Slave
 from ps_fmu.slavekit.author.terminals import Terminal
 from ps_fmu.slavekit.author.variables import Port, numbered, vector
 
+N_LOADED = 18  # inputs that act as forces
 DEFAULT = Plant.from_parameters(load())
 INPUT: dict[str, Any] = {"causality": "input"}
 MOTION: dict[str, Any] = {"causality": "input", "nominal": 1e-3}
@@ -34,6 +37,7 @@ class ManipulatorPlant(Slave):
     n_states: ClassVar[int] = count_states(DEFAULT.most_coordinates)  # those of modes in unused places are zero
     n_memory: ClassVar[int] = N_MEMORY
     any_step: ClassVar[bool] = True
+    provides_derivatives: ClassVar[bool] = True
 
     ports: ClassVar[tuple[Port, ...]] = (
         # Nominal values: magnitudes under the default disturbance, and in a slew.
@@ -128,6 +132,33 @@ class ManipulatorPlant(Slave):
 
     def step_map(self, h: float) -> None:
         """There is none."""
+
+    def linearise(self) -> tuple[Matrices, Array]:
+        """About the present motion, exactly; the coarse command is no input, since references limit its rate.
+
+        Nor is a prescribed angular velocity, which is a state.  Mass, inertia and centre of mass of legs and payload,
+        which a host adds to its own, have no derivatives.
+        """
+        mechanism, n = self.step.mechanism, self.step.mechanism.n_states
+        x, u, base = self.x[:n], np.zeros(N_MOVING_INPUTS), slice(N_MOVING_INPUTS - 6, N_MOVING_INPUTS)
+        u[:N_LOADED], u[base] = self.u[:N_LOADED], self.u[N_LOADED : N_LOADED + 6] * self.prescribed
+        point = mechanism.evaluate(Memory.from_address(self.memory.ctypes.data).place, x, u)
+        A, B, C, D, E, F = mechanism.linearise(point)
+        rates = point.read("rates", n)
+        if self.prescribed:  # what moves the base is given
+            given = np.r_[3:6, mechanism.n + 3 : mechanism.n + 9]
+            A[given], B[given], rates[given] = 0.0, 0.0, 0.0
+        all_A, all_B = np.zeros((self.n_states, self.n_states)), np.zeros((self.n_states, self.u.size))
+        all_C, all_D = (np.full((self.y.size, columns), np.nan) for columns in (self.n_states, self.u.size))
+        rows = np.vstack([C, E]), np.vstack([D, F])
+        all_A[:n, :n], all_C[: len(rows[0])] = A, 0.0
+        all_C[: len(rows[0]), :n] = rows[0]
+        for into, whole in ((all_B[:n], B), (all_D[: len(rows[1])], rows[1])):
+            into[:, :N_LOADED] = whole[:, :N_LOADED]
+            into[:, N_LOADED : N_LOADED + 6] = whole[:, base] * self.prescribed
+            into[:, N_LOADED + 6 : N_LOADED + 9] = np.nan if self.prescribed else 0.0
+            into[:, N_LOADED + 9 :] = np.nan
+        return (all_A, all_B, all_C, all_D), np.concatenate([rates, np.zeros(self.n_states - n)])
 
     def restore(self) -> None:
         """Make the mechanism again; what it makes itself follows from states and memory."""

@@ -21,7 +21,7 @@ from ..mechanism.rotations import orientation_rate_map
 from ..requirements.verdict import Answer, count_answers, format_margin
 from ..results.page.content import VerdictRow
 from ..results.tables import Table, format_angles, format_number
-from ..runs.setup import RunSystem
+from ..runs.system import RunSystem
 from .comparison import Orientation, explain_refusal, to_degrees
 from .jitter_record import ORIENTATION, ROTATION
 from .slew_record import (

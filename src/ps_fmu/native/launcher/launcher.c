@@ -193,6 +193,10 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReferenc
         fault = native_differentiate(c, unknown, n_unknown, known, n_known, direction, result);
     if (fault == NULL)
         return fmi2OK;
+    if (fault == NOT_PROVIDED) {
+        instance_tell(c, fmi2Discard, fault);
+        return fmi2Discard;
+    }
     return c != NULL ? instance_refuse(c, __func__, fault) : fmi2Error;
 }
 

@@ -366,6 +366,8 @@ static int64_t find_column(const Core *core, fmi2ValueReference known)
     return input >= 0 && input < core->n_inputs ? core->n_rates + input : -1;
 }
 
+const char NOT_PROVIDED[] = "a derivative is not provided: the output is not linear in an input, or depends on the step size";
+
 const char *native_differentiate(const Instance *m, const fmi2ValueReference unknown[], size_t n_unknown,
                                  const fmi2ValueReference known[], size_t n_known, const fmi2Real direction[],
                                  fmi2Real result[])
@@ -384,9 +386,10 @@ const char *native_differentiate(const Instance *m, const fmi2ValueReference unk
         const double *row = core->linear + find_row(core, unknown[i]);
         result[i] = 0.0;
         for (size_t j = 0; j < n_known; j++)
-            result[i] += row[find_column(core, known[j]) * rows] * direction[j];
+            if (direction[j] != 0.0)
+                result[i] += row[find_column(core, known[j]) * rows] * direction[j];
         if (result[i] != result[i])
-            return "a derivative is not provided: the output is not linear in an input, or depends on the size of the step";
+            return NOT_PROVIDED;
     }
     return NULL;
 }

@@ -66,7 +66,7 @@ class Port:
                 f"port {self.name!r}: expected identifiers joined by dots, such as 'base_force.x'"
             )
         if self.causality not in ("input", "output", "parameter", "local"):
-            raise self._make_error(f"causality: expected input, output or parameter, got {self.causality!r}")
+            raise self._make_error(f"causality: expected input, output, parameter or local, got {self.causality!r}")
         if self.causality != "output" and (self.depends_on or self.initially_depends_on is not None):
             raise self._make_error("only outputs have dependencies")
         if self.causality != "input" and self.event:
