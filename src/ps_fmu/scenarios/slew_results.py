@@ -289,7 +289,7 @@ def find_reactions(system: RunSystem, slews: Slews) -> list[Reaction]:
     try:
         plant, _ = build_plant_and_isolator(system.structure)
         target = np.array(slews.target)
-        turns = [find_reaction(plant.system, target, held=held) for held in (False, True)]
+        turns = [find_reaction(plant, target, held=held) for held in (False, True)]
     except (KinematicsError, ParameterError):  # a path that the commander takes otherwise, or values that are no plant
         return []
     rates = orientation_rate_map(target)  # small rotations in B to roll, pitch, yaw
