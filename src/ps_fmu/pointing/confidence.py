@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 
 WINDOW_FACTOR = 2.5  # correlation times up to which lags are summed: 5 of Sokal's, whose time is half as long
+WHITE_LAGS = 5  # up to which the correlations of white batches may be summed
 LEAST_RUNS = 5  # for a statement on the ensemble without order statistics
 LEAST_BATCHES, MOST_BATCHES = 64, 2048  # of a record, whose means show its slow part
 SEEN_AT = 0.95
@@ -27,7 +28,7 @@ SEEN_AT = 0.95
 come in clusters that are no longer."""
 MARKOV = "Markov's inequality"
 # Allowances, chosen so that bounds of 90 % hold in 87 % of records at least (python tests/support/coverage.py):
-DOUBTED = 0.2
+DOUBTED = 0.3
 """Standard deviations of what batches say that are taken off before they count."""
 HIDDEN = 15.0
 """A slow part of so many stretches may have as much variance again in what is slower still."""
@@ -356,7 +357,7 @@ def weigh_record(values: ArrayLike, sizes: ArrayLike, deviations: float = 1.0) -
             if clipped is None:  # bursts would hide what is slow
                 clipped = np.minimum(magnitudes, np.quantile(magnitudes, SEEN_AT))
             own, unsure = find_correlation(_average(clipped, batches))
-            if own > 1.0 + 3.0 * math.sqrt(2.0 * (2.0 * WINDOW_FACTOR + 1.0) / batches):  # white means: 3 deviations
+            if own > 1.0 + 3.0 * math.sqrt(2.0 * (2.0 * WHITE_LAGS + 1.0) / batches):  # white means: 3 deviations
                 error = max(error, share * (1.0 + doubt))
                 slowest = min(slowest, batches / (own * (1.0 + unsure)))
         batches *= 2

@@ -27,7 +27,7 @@ from ..runs.index_record import CONFIDENCE, IndexLog
 from ..runs.judge import USUAL_LEVEL, RunJudge
 from ..runs.options import RunOptions
 from ..runs.publish import Findings
-from ..runs.scenario import list_needs
+from ..runs.scenario import ORIGINAL, list_needs
 from ..runs.setup import NOISE, RECORDING_PATH, RunSystem, has_disturbance
 from .jitter_record import JITTER_SIGNALS, JitterRecord
 from .jitter_record import NEEDS as RECORDED
@@ -41,8 +41,6 @@ ATTITUDE = tuple(f"tracker.target_attitude.{k}" for k in "wxyz")
 AXES = ("x", "y", "z")
 ENABLED, LOOP = "isolator.enabled", "pointing.enabled"
 CASES = ("passive", "active")
-ORIGINAL = "original"
-"""The active case with the components of the system, where FMUs of the user replace them."""
 DRIVEN = (*list_needs("input", *TARGET), *list_needs("input", ENABLED, type="Boolean"))
 """What the scenarios set."""
 NEEDS = (*DRIVEN, *RECORDED)
@@ -183,7 +181,7 @@ def aim_tracker(system: RunSystem, target: Orientation) -> dict[str, Value]:
     """
     if not _has_port(system, ATTITUDE[0]) or not system.given.keys().isdisjoint(ATTITUDE):
         return {}
-    attitude = dict(zip(ATTITUDE, find_attitude(system, target), strict=True))
+    attitude: dict[str, Value] = dict(zip(ATTITUDE, find_attitude(system, target), strict=True))
     if all(system.get_start(name) == value for name, value in attitude.items()):
         return {}
     own = {name: entry.value for name, entry in system.structure.component("commander").parameters.items()}
