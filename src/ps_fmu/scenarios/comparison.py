@@ -48,7 +48,8 @@ NEEDS = (*DRIVEN, *RECORDED)
 IN_CLOSED_FORM = tuple(
     list_needs(
         "parameter", "isolator.delay", "isolator.filters.highpass_frequency",
-        purpose="the closed form beside the run is that of FeedforwardIsolator; the scenario isolation has none",
+        purpose="the closed form beside the run is that of FeedforwardIsolator, and that of another isolator is not "
+        "known; the scenario isolation runs any isolator, under wheels, too",
     )
 )  # fmt: skip
 
