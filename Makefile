@@ -14,7 +14,7 @@ export MPLBACKEND := Agg
 # Some environments ask Python to keep no bytecode.  The tests start hundreds of processes, which would all compile anew.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: run test soak docs docs-links dist fmus launcher pythons importers basilisk multibody verify bench lint clean
+.PHONY: run test soak docs docs-links dist fmus launcher derive pythons importers basilisk multibody verify bench lint clean
 .DELETE_ON_ERROR:
 
 run: fmus  ## the default scenario: isolation at the nominal orientation, passive then active
@@ -46,6 +46,9 @@ fmus: build/fmus/.built  ## the FMUs in build/fmus
 launcher: .venv/.installed  ## what is compiled in the package, made again: the same bytes from the same sources
 	$(BIN)/python -m ps_fmu.native
 
+derive: .venv/.installed  ## the equations of the mechanism, written as C again; make launcher compiles them
+	$(BIN)/python -m ps_fmu.mechanism.derivation
+
 pythons: .venv/.installed  ## the other versions of Python that this machine has, for the tests (0.5 GB each)
 	@for version in 3.11 3.12 3.13; do \
 		[ -e $(BIN)/python$$version ] && continue; \
@@ -68,7 +71,7 @@ multibody: .venv/.installed  ## the plant against an independent multibody proto
 verify: fmus  ## the tests that hold a claim of the product; writes docs/verification.md of what they found
 	$(BIN)/python docs/write_verification.py $(or $(ARGS),-n auto)
 
-bench: fmus  ## what things cost, on a quiet machine; writes docs/speed.md, fails if a limit is missed
+bench: fmus  ## what things cost, on a quiet machine; writes docs/developers/speed.md, fails if a limit is missed
 	@missed=0; for script in step_cost start scaling study features real_time; do \
 		echo "--- $$script"; $(BIN)/python benchmarks/$$script.py $(or $(ARGS),--record) || missed=1; \
 	done; $(BIN)/python docs/write_speed.py && exit $$missed

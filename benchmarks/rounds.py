@@ -34,7 +34,7 @@ SSD = ROOT / "system" / "SystemStructure.ssd"
 ALL_FMUS = ROOT / "system" / "LineOfSight.ssd"
 STEP = 1e-4  # s
 RECORD = HERE / "record.json"
-"""What ``make bench`` found last, by script: ../docs/speed.md is made of it."""
+"""What ``make bench`` found last, by script: ../docs/developers/speed.md is made of it."""
 CLOCKS = {"wall": perf_counter, "processor": process_time, "thread": thread_time}
 
 Figures = dict[str, Any]
@@ -99,7 +99,7 @@ def run_benchmark(
     p = argparse.ArgumentParser(description=about.splitlines()[0] if about else None)
     p.add_argument("--rounds", type=int, default=rounds, metavar="N", help="rounds, or repeats (%(default)s)")
     p.add_argument("--output", type=Path, metavar="FILE", help="write the figures as JSON")
-    p.add_argument("--record", action="store_true", help=f"keep them in {RECORD.name}, of which docs/speed.md is made")
+    p.add_argument("--record", action="store_true", help=f"keep them in {RECORD.name}, for docs/developers/speed.md")
     if steps is not None:
         p.add_argument("--steps", type=int, default=steps, metavar="N", help="steps of a round (%(default)s)")
     add(p)

@@ -1,4 +1,4 @@
-"""Writes speed.md from what the benchmarks found last (make bench).
+"""Writes developers/speed.md from what the benchmarks found last (make bench).
 
 Usage: python docs/write_speed.py
 """
@@ -17,7 +17,7 @@ sys.path.insert(0, str(ROOT / "benchmarks"))
 
 from rounds import RECORD  # noqa: E402
 
-PAGE = ROOT / "docs" / "speed.md"
+PAGE = ROOT / "docs" / "developers" / "speed.md"
 SECTIONS = {
     "step_cost": "Steps",
     "start": "Commands and starts",

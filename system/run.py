@@ -5,10 +5,11 @@ from __future__ import annotations
 import sys
 
 try:
-    from ps_fmu.child_processes import use_one_thread
+    from ps_fmu.child_processes import collect_rarely, use_one_thread
 
     use_one_thread()  # before numpy is imported
-    from ps_fmu.run_command import main
+    with collect_rarely():
+        from ps_fmu.run_command import main
     from ps_fmu.terminal import run_command
 except KeyboardInterrupt:
     sys.exit(130)

@@ -69,8 +69,8 @@ def test_ctrl_c_while_the_scenarios_are_imported(monkeypatch, capsys):
     ("arguments", "code", "text"),
     [
         (["build", "--output", "file"], 1, "ps-fmu build: file: File exists"),
-        (["build", "--interpreter", "no/python"], 1, "--interpreter: no/python is no program"),
-        (["build", "--interpreter", "file"], 1, "--interpreter: file is no program"),
+        (["build", "--interpreter", "no/python"], 1, "--interpreter: expected the path of a Python, got no/python"),
+        (["build", "--interpreter", "file"], 1, "--interpreter: expected the path of a Python, got file"),
         (["analyse", "workspace", "--output", "file"], 2, "analyse workspace: --output: cannot write in file"),
         (["analyse", "jitter", "--seed", "-1", "--system", str(SYSTEM)], 2, "analyse jitter: --seed: expected a whole"),
         (["analyse", "budget", "--seed", "-1"], 2, "analyse budget: --seed: expected a whole number from 0"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import ClassVar
 
 import numpy as np
@@ -10,16 +11,14 @@ from ps_fmu.disturbance import Disturbance, DisturbanceSettings, default_setting
 from ps_fmu.interface.ports import make_parameter_ports, refuse_parameters
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.mechanism.quantities import take_values
-from ps_fmu.slavekit.author.ahead import RowParts
+from ps_fmu.slavekit.author.elements import Call, Element
 from ps_fmu.slavekit.author.files import find_packed
-from ps_fmu.slavekit.author.guard import Refused
 from ps_fmu.slavekit.author.slave import Slave
 from ps_fmu.slavekit.author.terminals import Terminal
 from ps_fmu.slavekit.author.variables import Port, Value, vector
 
 DEFAULT = default_settings(load())
 LATEST = 1e9  # s; there a double is off by 6e-8 s, 4e-4 rad of a line at 1 kHz, and from then on by ever more
-SPAN = 2.5  # s, of a table at most: from one block of fast noise to the next, each of which takes some 2 ms to make
 
 
 class DisturbanceSource(Slave):
@@ -27,7 +26,7 @@ class DisturbanceSource(Slave):
 
     model_description = "Disturbance wrench on the bus: noise, reaction wheels, sines, sweep, recording"
     physics: ClassVar[type] = DisturbanceSettings
-    block_rows: ClassVar[int] = 4096
+    any_step: ClassVar[bool] = True
     n_memory: ClassVar[int] = 1  # start time of the experiment, s: the disturbance counts its time from there
 
     ports: ClassVar[tuple[Port, ...]] = (
@@ -46,25 +45,27 @@ class DisturbanceSource(Slave):
         Terminal("base_disturbance", ("base_force", "base_torque"), "Wrench that shakes the bus, at the origin of B"),
     )
 
+    explained: bool = False
+    """Whether the present settings were."""
+
     def configure(self) -> None:
         """Build the disturbance from the parameters; its value at the start goes to the outputs."""
         self.memory[0] = self.start_time
         self._build(self.parameters())
         self.y[:] = self.disturbance(np.zeros(1))[0]
 
-    def rows(self, t: float, h: float, n: int) -> RowParts:
-        """Wrench at t + h ... t + n h (s), shape (n, 6), in parts."""
-        yield n // 16  # more than there are: the step at the end of the last table does nothing else
-        self._warn(h)
-        times = self.times(t, h, n) - self.memory[0]
-        if not abs(times[-1]) <= LATEST:
-            raise Refused(f"{times[-1]:g} s after the start of the experiment: expected at most {LATEST:g} s")
-        yield n // 16
-        return (yield from self.disturbance.in_parts(times))
+    def step_map(self, h: float) -> None:
+        """None: an element does all."""
 
-    def most_rows(self, h: float) -> int:
-        """As many as span 2.5 s."""
-        return int(min(SPAN / h, self.block_rows))
+    def before_map(self, h: float) -> Sequence[Element]:
+        """The wrench at the end of the step, and a part of the noise for later ones."""
+        if not self.explained:  # once, and when the parameters are final
+            for text in self.disturbance.explain():
+                self.warning(text)
+        self.explained = True
+        start = int(self.places(self.memory)[0])
+        function, arguments = self.disturbance.make_step(self.layout.y.start, start, LATEST)
+        return (Call(function, arguments, self.y, arguments.kept),)
 
     def terminate(self) -> None:
         """Say what ended before: only now is it known how long the run was."""
@@ -81,13 +82,6 @@ class DisturbanceSource(Slave):
     @refuse_parameters
     def _build(self, values: dict[str, Value]) -> None:
         self.built_from: dict[str, Value] = {}
-        self.checked_step = 0.0  # s, that warnings were given for
         self.disturbance = Disturbance(take_values(DEFAULT, find_packed(values, self.resources)))
         self.built_from = values
-
-    def _warn(self, h: float) -> None:
-        if h == self.checked_step:
-            return
-        for text in [*self.disturbance.explain(), *self.disturbance.explain_aliasing(h)]:
-            self.warning(text)
-        self.checked_step = h
+        self.explained = False

@@ -2,34 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ps_fmu.control.feedforward import count_states
-from ps_fmu.control.isolator import HALF_WAY, Isolator, Turn, UnreachableOrientationError
+from ps_fmu.control.feedforward import count_states, make_filters
+from ps_fmu.control.isolator import Isolator, UnreachableOrientationError
 from ps_fmu.interface.ports import (
+    CONTROL_PORTS,
     LONGEST_DELAY,
     ORIENTATION,
-    SAME_ORIENTATION,
-    make_control_ports,
     make_parameter_ports,
+    refuse_delays,
     refuse_parameters,
 )  # fmt: skip
 from ps_fmu.mechanism.parameters import LARGEST_ORDER, load
 from ps_fmu.mechanism.quantities import take_values
-from ps_fmu.slavekit.author.elements import (
-    Clip,
-    Delay,
-    Element,
-    Hold,
-    Linear,
-    Product,
-    Sample,
-    Watch,
-    ring_size,
-)
+from ps_fmu.numerics.library import find_function
+from ps_fmu.slavekit.author.elements import Call, Delay, Element, Hold, Product, Sample, ring_size
+from ps_fmu.slavekit.author.model import Matrices
 from ps_fmu.slavekit.author.slave import ModelError, Slave
 from ps_fmu.slavekit.author.terminals import Terminal
 from ps_fmu.slavekit.author.variables import Port, numbered, vector
@@ -42,10 +35,13 @@ class FeedforwardIsolator(Slave):
 
     model_description = "Feedforward vibration isolator: voice-coil forces from measured base acceleration"
     physics: ClassVar[type] = Isolator
-    n_states: ClassVar[int] = count_states(LARGEST_ORDER)
-    # Acceleration as last sampled, where the controller has a period of its own; what only a turning controller takes.
-    n_auxiliary: ClassVar[int] = 6 + 18
-    n_memory: ClassVar[int] = 3 + 3 + 3 + 4 + 4 + 1 + 1 + 3 + ring_size(3, LONGEST_DELAY)  # see the views in _build
+    # High-passed rotation of the base and its rate (its translation has no gain there); low-pass of the forces.
+    n_states: ClassVar[int] = count_states(LARGEST_ORDER) - 6
+    # Acceleration as last sampled, where the controller has a period of its own; forces that the low-pass filters.
+    n_auxiliary: ClassVar[int] = 6 + 3
+    any_step: ClassVar[bool] = True
+    provides_derivatives: ClassVar[bool] = True
+    n_memory: ClassVar[int] = 3 + 1 + 1 + 3 + ring_size(3, LONGEST_DELAY)  # see the views in _build
     limit_flag: ClassVar[str] = "saturated"
 
     ports: ClassVar[tuple[Port, ...]] = (
@@ -59,7 +55,7 @@ class FeedforwardIsolator(Slave):
         ),
         *ORIENTATION,
         Port(
-            "enabled", "input", type="Boolean", start=True,
+            "enabled", "input", type="Boolean", start=True, event=False,
             description="False: the forces are zero; the filters still run, so that it can be switched on at any time",
         ),
         # At rest and strictly proper: the force is zero in initialisation mode whatever the inputs are.
@@ -72,10 +68,7 @@ class FeedforwardIsolator(Slave):
             initially_depends_on=(),
         ),
         *make_parameter_ports(DEFAULT),
-        *make_control_ports(
-            turn="Change of orientation whose effect on the gains is neglected; at rest the gains are exact",
-            resolution=1e-4,
-        ),
+        *CONTROL_PORTS,
     )  # fmt: skip
 
     terminals: ClassVar[tuple[Terminal, ...]] = (
@@ -89,41 +82,68 @@ class FeedforwardIsolator(Slave):
 
     @refuse_parameters
     def configure(self) -> None:
-        """Build the controller for the present orientation, filters at rest."""
+        """Take the present orientation, filters at rest."""
         self.x[:] = self.a[:] = self.memory[:] = 0.0
         self._build()
-        self.half_way[:] = HALF_WAY
-        self.last_orientation[:] = self.values("orientation")
-        self._use(Turn(self.last_orientation, self.last_orientation))
+        self.kept[:] = self.values("orientation")
+        try:
+            self.isolator.controller(self.kept)
+        except UnreachableOrientationError as error:
+            raise ModelError(str(error)) from None
 
-    def output_map(self) -> NDArray[np.float64]:
-        """Outputs from [x; u; a] at the same instant."""
-        return self._framed(self.controller.output_map(), False)
+    def continuous(self) -> Matrices:
+        """The filters: of the base's acceleration, and of the forces that its gains make of it."""
+        A, B = make_filters(self.isolator.lowpass, self.isolator.filters)
+        used = self._find_used(len(A))
+        n, inputs = len(used), self.u.size + self.a.size
+        first = self.u.size if self.sample_time else 0
+        all_A, all_B = np.zeros((self.n_states, self.n_states)), np.zeros((self.n_states, inputs))
+        all_A[:n, :n] = A[np.ix_(used, used)]
+        all_B[:n, np.r_[first : first + 6, inputs - 3 : inputs]] = B[used]
+        C, low = np.zeros((self.y.size, self.n_states)), self.isolator.lowpass
+        C[:3, 6 : 6 + 3 * low.order] = np.kron(np.eye(3), low.c)
+        return all_A, all_B, C, np.zeros((self.y.size, inputs))
 
-    def step_map(self, h: float) -> NDArray[np.float64]:
-        """[y; x] at the end of a step from [x; u; a] at its start."""
-        controller = self.controller if self.turning is None else self.turning
-        return self._framed(controller.step_map(h), True)
+    def linearise(self) -> tuple[Matrices, NDArray[np.float64]]:
+        """At the orientation of the gains, which is no input of it, within the force limit."""
+        refuse_delays(sample_time=self.sample_time, delay=self.delay)
+        A, B, C, D = self.isolator.controller(self.kept).matrices()
+        used = self._find_used(len(A))
+        n, on = len(used), float(bool(self.value("enabled")))
+        all_A, all_C = np.zeros((self.n_states, self.n_states)), np.zeros((self.y.size, self.n_states))
+        all_B, all_D = (np.zeros((rows, self.u.size)) for rows in (self.n_states, self.y.size))
+        all_A[:n, :n], all_B[:n, :6] = A[np.ix_(used, used)], B[used]
+        all_C[:3, :n], all_D[:3, :6] = on * C[:, used], on * D
+        all_B[:, 6:], all_D[:, 6:] = np.nan, np.nan
+        return (all_A, all_B, all_C, all_D), all_A @ self.x + all_B[:, :6] @ self.u[:6]
 
-    def before_map(self, h: float) -> list[Element]:
-        """Renew the gains when the platform leaves its way or has come to rest; sample the measured acceleration."""
-        return self._list_elements(h)[0]
+    def _find_used(self, n: int) -> NDArray[np.int64]:
+        """Those of n states of the filters that are states here."""
+        return np.r_[3:6, 9:n]
 
-    def after_map(self, h: float) -> list[Element]:
-        """Hold and delay the forces."""
-        return self._list_elements(h)[1]
+    def before_map(self, h: float) -> Sequence[Element]:
+        """Return the sample of the acceleration, and the gains of the orientation."""
+        acceleration, words = self.u[:6], self.words
+        elements: list[Element] = []
+        if self.sample_time:
+            acceleration = self.a[:6]
+            elements.append(Sample(self.u[:6], acceleration, self.sampled, self.sample_time))
+        words.acceleration = self.places(acceleration)[0]
+        driven = np.concatenate([self.places(self.kept), self.places(self.a[6:])])
+        return *elements, Call(find_function("control_drive_isolator"), words, driven)
 
-    def event(self, t: float, h: float) -> bool:
-        """The platform has turned, or the isolator is switched."""
-        orientation, turn = self.orientation.copy(), self._read_turn()
-        if (orientation == self.last_orientation).all():
-            if np.abs(orientation - turn.start).max() > SAME_ORIENTATION:
-                self._use(Turn(orientation, orientation))
-        elif turn.is_left(orientation, self.resolution):
-            self._use(Turn.ahead(orientation, self.last_orientation, self.resolution))
-        if self.switch[0] != self.enabled:
-            self._use(self._read_turn())
-        return False
+    def after_map(self, h: float) -> Sequence[Element]:
+        """Return the gains of the filtered motion of the base, hold and delay of the forces, and the switch."""
+        force = self.y[:3]
+        elements: list[Element] = [Call(find_function("control_add_isolator"), self.words, force)]
+        hold = Hold(force, self.held_force, self.held, self.sample_time) if self.sample_time else None
+        if hold:
+            elements.append(hold)
+        if self.delay:
+            elements.append(Delay(force, self.ring, self.delay, hold))
+        if hold or self.delay:  # disabled, at once, whatever is still on its way
+            elements.append(Product(force, self.places(self.view("enabled"))[[0, 0, 0]], force))
+        return elements
 
     def limits(self) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
         """The largest force of a fine actuator, either way."""
@@ -135,76 +155,15 @@ class FeedforwardIsolator(Slave):
 
     @refuse_parameters
     def restore(self) -> None:
-        """Rebuild the controller that the restored memory stands for."""
+        """Rebuild what the parameters stand for."""
         self._build()
-        self._use(self._read_turn())
 
     def _build(self) -> None:
         values = self.parameters()
         self.isolator = take_values(DEFAULT, values)
-        self.resolution = max(float(values["orientation_resolution"]), SAME_ORIENTATION)
-        self.orientation, self.switch = self.view("orientation"), self.view("enabled")
-        # Way that the gains are linear on, orientation after the last step, rad; progress on the way, and its middle.
-        self.gain_orientation, self.gain_end, self.last_orientation = (self.memory[k : k + 3] for k in (0, 3, 6))
-        self.progress, self.half_way = self.memory[9:13], self.memory[13:17]
-        self.sampled, self.held = self.memory[17:18], self.memory[18:19]  # parts of a period since then
-        self.held_force, self.ring = self.memory[19:22], self.memory[22:]  # N
+        # Orientation of the gains, rad; parts of a period since a sample; force, N.
+        self.kept, self.sampled, self.held, self.held_force, self.ring = np.split(self.memory, [3, 4, 5, 8])
         self.sample_time, self.delay = float(values["sample_time"]), float(values["delay"])  # s
-        self.listed: tuple[tuple[float, bool], list[Element], list[Element]] = ((0.0, False), [], [])
-
-    def _list_elements(self, h: float) -> tuple[list[Element], list[Element]]:
-        """What a step does before and after the map: the same lists until the gains change."""
-        if self.listed[0] != (h, self.enabled):
-            force, after = self.y[:3], list[Element]()
-            rests, acceleration = (self.last_orientation, SAME_ORIENTATION), self.places(self.u[:6])
-            before: list[Element] = []
-            hold = Hold(force, self.held_force, self.held, self.sample_time) if self.sample_time else None
-            if hold:
-                before.append(Sample(self.u[:6], self.a[:6], self.sampled, self.sample_time))
-                after.append(hold)
-                acceleration = self.places(self.a[:6])
-            if self.turning is None:
-                before.append(Watch(self.orientation, self.gain_orientation, self.resolution, *rests))
-            else:
-                ends = np.concatenate([self.places(self.orientation), self.places(self.gain_orientation)])
-                changing = np.concatenate([self.places(self.x[:12]), acceleration])
-                before += [
-                    Linear(ends, self.turn.progress, self.progress),
-                    Watch(self.progress, self.half_way, self.turn.allowed(self.resolution)),
-                    Watch(self.orientation, self.gain_orientation, np.inf, *rests),
-                    Product(self.places(self.progress)[[0] * 18], changing, self.a[6:]),
-                ]
-            if self.delay:
-                after.append(Delay(force, self.ring, self.delay, hold))
-            if not self.enabled:  # at once, whatever is still on its way
-                after.append(Clip(force, 0.0, 0.0))
-            self.listed = ((h, self.enabled), before, after)
-        return self.listed[1:]
-
-    def _use(self, turn: Turn) -> None:
-        """The controller for a way, or for an orientation, from the next step on."""
-        try:
-            self.turning = self.isolator.turning_controller(turn) if turn.length else None
-            self.controller = self.turning.first if self.turning else self.isolator.controller(turn.start)
-        except UnreachableOrientationError as error:
-            raise ModelError(f"orientation: {error}") from None
-        self.turn = turn if self.turning else Turn(turn.start, turn.start)
-        self.gain_orientation[:], self.gain_end[:] = self.turn.start, self.turn.end
-        self.enabled = bool(self.value("enabled"))
-        self.listed = ((0.0, False), [], [])
-        self.remap()
-
-    def _read_turn(self) -> Turn:
-        return Turn(self.gain_orientation.copy(), self.gain_end.copy())
-
-    def _framed(self, matrix: NDArray[np.float64], with_states: bool) -> NDArray[np.float64]:
-        """The controller's map in the FMU's shape: room for `saturated`, unused states, sampled inputs."""
-        n, acceleration = self.controller.n_states, self.n_states + (9 if self.sample_time else 0)
-        # In the FMU, u is acceleration and orientation, and a begins with the acceleration as sampled.
-        columns = np.r_[0:n, acceleration : acceleration + 6, self.n_states + 15 : self.n_states + 33]
-        framed = np.zeros((4 + (self.n_states if with_states else 0), columns[matrix.shape[1] - 1] + 1))
-        rows = np.r_[0:3, 4 : 4 + len(matrix) - 3]
-        framed[np.ix_(rows, columns[: matrix.shape[1]])] = matrix
-        if not self.enabled:
-            framed[:3] = 0.0
-        return framed
+        places = {"orientation": self.view("orientation"), "kept_orientation": self.kept, "driven": self.a[6:],
+                  "filtered": self.x, "forces": self.y, "enabled": self.view("enabled")}  # fmt: skip
+        self.words = self.isolator.pack(**{name: int(self.places(view)[0]) for name, view in places.items()})

@@ -8,36 +8,34 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ps_fmu.interface.ports import make_parameter_ports, refuse_parameters
+from ps_fmu.interface.ports import make_parameter_ports, refuse_delays, refuse_parameters
 from ps_fmu.mechanism.quantities import take_values
+from ps_fmu.numerics.library import find_arithmetic
 from ps_fmu.sensors.inertial import (
     ACCELEROMETERS,
     CHANNELS,
     ESTIMATES,
     N_STATES,
     PRODUCTS,
-    ChannelNoise,
     default_sensors,
 )
-from ps_fmu.slavekit.author.ahead import RowParts
 from ps_fmu.slavekit.author.elements import (
+    Call,
     Clip,
     Delay,
     Element,
     Hold,
     Linear,
-    Product,
     Quantise,
-    Watch,
     put_before_start,
     ring_size,
 )
+from ps_fmu.slavekit.author.model import Matrices
 from ps_fmu.slavekit.author.slave import Slave
 from ps_fmu.slavekit.author.variables import Port, numbered, vector
 
 DEFAULT = default_sensors()
 LONGEST_LATENCY = 200  # steps
-KEPT_NOISE = 4  # sample intervals whose noise is kept: hosts may alternate step sizes
 READINGS = slice(ESTIMATES, ESTIMATES + CHANNELS)  # of the outputs
 MOTIONS = (("acceleration", "m/s2"), ("angular_acceleration", "rad/s2"), ("angular_velocity", "rad/s"))
 
@@ -47,11 +45,10 @@ class InertialSensors(Slave):
 
     model_description = "Accelerometers and rate sensors on the bus, and the base motion estimated from their readings"
     n_states: ClassVar[int] = N_STATES
-    n_auxiliary: ClassVar[int] = len(PRODUCTS)  # of the angular velocity, for the centripetal acceleration
-    n_row: ClassVar[int] = CHANNELS  # bias and noise of each reading
-    block_rows: ClassVar[int] = 2048
-    # Start time (s), whether a range was met, clock, zeros, readings as last sampled, past readings.
-    n_memory: ClassVar[int] = 3 + 2 * CHANNELS + ring_size(CHANNELS, LONGEST_LATENCY)
+    any_step: ClassVar[bool] = True
+    provides_derivatives: ClassVar[bool] = True
+    # Start time (s), whether a range was met, clock, readings as last sampled, past readings.
+    n_memory: ClassVar[int] = 3 + CHANNELS + ring_size(CHANNELS, LONGEST_LATENCY)
 
     ports: ClassVar[tuple[Port, ...]] = (
         *(
@@ -88,42 +85,28 @@ class InertialSensors(Slave):
         self._build()
         rows, products = self.sensors.reading_rows
         rate = self.view("base_angular_velocity")
-        self.a[:] = [rate[i] * rate[j] for i, j in PRODUCTS]
         self.x[:] = 0.0
-        self.x[:CHANNELS] = rows @ self.u + products @ self.a
+        self.x[:CHANNELS] = rows @ self.u + products @ [rate[i] * rate[j] for i, j in PRODUCTS]
         self.memory[:] = 0.0
         self.memory[0] = self.start_time
         interval = self.sensors.sample_time or self.default_step
-        first = self._find_noise(interval)(np.zeros(1, dtype=np.int64))[0]
+        first = self.sensors.compute_errors(interval, np.zeros(1, dtype=np.int64))[0]
         readings = self._limit(self.sensors.gain * self.x[:CHANNELS] + first)
         self.kept[:] = readings
         put_before_start(self.ring, readings)
         self.y[:ESTIMATES], self.y[READINGS] = self.sensors.estimator @ readings, readings
         self.y[-1] = (np.abs(readings) >= self.sensors.ranges).any()
 
+    def step_map(self, h: float) -> None:
+        """None: elements do all."""
+
     def before_map(self, h: float) -> Sequence[Element]:
-        """Products of the angular velocity."""
-        places = self.places(self.view("base_angular_velocity"))
-        return [Product(places[[i for i, _ in PRODUCTS]], places[[j for _, j in PRODUCTS]], self.a)]
-
-    def step_map(self, h: float) -> NDArray[np.float64]:
-        """[y; x] at the end of a step from [x; u; a; r]: readings before limits, without estimates."""
-        states, outputs = self._make_parts(h)
-        whole = outputs[:, :N_STATES] @ states
-        whole[:, N_STATES:] += outputs[:, N_STATES:]
-        return np.vstack([whole, states])
-
-    def split_map(self, h: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The low-passes, then readings before limits from them and the noise."""
-        return self._make_parts(h)
-
-    def _make_parts(self, h: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        Ad, by_motion, by_products = self.sensors.motion_map(h)
-        states = np.hstack([Ad, by_motion, by_products, np.zeros((N_STATES, CHANNELS))])
-        outputs = np.zeros((self.y.size, states.shape[1]))
-        outputs[READINGS, :CHANNELS] = np.diag(self.sensors.gain * self.sensors.enabled)
-        outputs[READINGS, -CHANNELS:] = np.diag(self.sensors.enabled)
-        return states, outputs
+        """The low-passes, and readings without limits: with scale factor, bias and noise of a sample."""
+        layout, memory, words = self.layout, self.layout.memory.start, self.sensors.describe()
+        words.states, words.motion, words.readings = layout.x.start, layout.u.start, layout.y.start + ESTIMATES
+        words.start, words.met, words.saturated = memory, memory + 1, layout.y.stop - 1
+        target = [self.places(view) for view in (self.x, self.y[ESTIMATES:], self.memory[1:2])]
+        return [Call(find_arithmetic().step_inertial, words, np.concatenate(target), words.kept)]
 
     def after_map(self, h: float) -> Sequence[Element]:
         """From readings without limits to sampled and delayed ones, and the estimates.
@@ -135,8 +118,6 @@ class InertialSensors(Slave):
         ranges, resolutions = sensors.ranges[on], sensors.resolutions[on]
         elements: list[Element] = []
         if np.isfinite(ranges).any():
-            if not self.memory[1]:
-                elements.append(Watch(readings, self.places(self.zeros)[on], ranges))
             elements.append(Clip(readings, -ranges, ranges, "saturated"))
         if resolutions.any():
             elements.append(Quantise(readings, resolutions))
@@ -149,27 +130,27 @@ class InertialSensors(Slave):
         estimates = self.places(self.y[:ESTIMATES])[seen]
         return [*elements, Linear(readings, sensors.estimator[np.ix_(seen, on)], estimates)]
 
-    def rows(self, t: float, h: float, n: int) -> RowParts:
-        """Bias and noise of the readings at the ends of n steps, (n, CHANNELS), m/s2 and rad/s, in parts."""
-        yield n // 200  # the step at the end of the last table does nothing else
-        noise = self._find_noise(self.sensors.sample_time or h)
-        index = noise.find_samples(self.times(t, h, n) - self.memory[0])
-        yield n // 200
-        return (yield from noise.in_parts(index))
-
-    def event(self, t: float, h: float) -> bool:
-        """A reading has met the range of its sensor for the first time."""
-        sensors = self.sensors
-        met = np.flatnonzero(np.abs(self.y[READINGS]) >= sensors.ranges - sensors.resolutions)
-        names = [self.layout.describe(self.layout.y.start + ESTIMATES + int(k)) for k in met]
-        self.memory[1] = 1.0
-        self.remap()
-        self.warning(
-            f"at t = {t:.9g} s {', '.join(names) or 'a reading'} met the range of its sensor "
-            f"({sensors.accelerometer.range:g} m/s2, {sensors.rate_sensor.range:g} rad/s; 0 = no limit): the estimates "
-            "are wrong as long as the output saturated is true"
-        )
-        return False
+    def linearise(self) -> tuple[Matrices, NDArray[np.float64]]:
+        """About the present angular velocity, within the ranges, without noise and resolution."""
+        sensors, w = self.sensors, self.view("base_angular_velocity")
+        refuse_delays(sample_time=sensors.sample_time, latency=sensors.latency)
+        rows, products = sensors.reading_rows
+        true, slopes = np.array([w[i] * w[j] for i, j in PRODUCTS]), np.zeros((len(PRODUCTS), 9))
+        for k, (i, j) in enumerate(PRODUCTS):
+            slopes[k, 6 + i] += w[j]
+            slopes[k, 6 + j] += w[i]
+        kinds = [sensors.accelerometer] * ACCELEROMETERS + [sensors.rate_sensor] * (CHANNELS - ACCELEROMETERS)
+        A, b = (np.array(parts) for parts in zip(*(kind.lowpass.matrices for kind in kinds), strict=True))
+        A, b = A * sensors.enabled[:, None, None], b * sensors.enabled[:, None]
+        through = np.array([not kind.lowpass.bandwidth for kind in kinds])
+        all_A = np.block([[np.diag(A[:, i, j]) for j in (0, 1)] for i in (0, 1)])
+        to_states = np.vstack([np.diag(b[:, 0]), np.diag(b[:, 1])])
+        readings = np.vstack([sensors.estimator, np.eye(CHANNELS), np.zeros((1, CHANNELS))])
+        readings *= sensors.gain * sensors.enabled
+        C = np.hstack([readings * ~through, np.zeros((self.y.size, CHANNELS))])
+        turned = rows + products @ slopes
+        rates = all_A @ self.x + to_states @ (rows @ self.u + products @ true)
+        return (all_A, to_states @ turned, C, readings * through @ turned), rates
 
     @refuse_parameters
     def restore(self) -> None:
@@ -182,10 +163,7 @@ class InertialSensors(Slave):
             sensors = take_values(DEFAULT, values)
             _ = sensors.estimator  # refuses a geometry that cannot see all motion
             self.sensors, self.built_from = sensors, values
-            self.noises: dict[float, ChannelNoise] = {}
-        zeros, kept = 3, 3 + CHANNELS
-        self.zeros, self.kept = self.memory[zeros:kept], self.memory[kept : kept + CHANNELS]
-        self.ring = self.memory[kept + CHANNELS :]
+        self.kept, self.ring = np.split(self.memory[3:], [CHANNELS])
 
     def _limit(self, readings: NDArray[np.float64]) -> NDArray[np.float64]:
         """Readings within range, in whole steps of the resolution."""
@@ -193,10 +171,3 @@ class InertialSensors(Slave):
         limited = np.clip(readings, -self.sensors.ranges, self.sensors.ranges)
         whole = np.where(steps > 0.0, steps, 1.0)
         return np.where(steps > 0.0, np.rint(limited / whole) * whole, limited)
-
-    def _find_noise(self, interval: float) -> ChannelNoise:
-        if interval not in self.noises:
-            if len(self.noises) == KEPT_NOISE:
-                del self.noises[next(iter(self.noises))]
-            self.noises[interval] = self.sensors.make_noise(interval)
-        return self.noises[interval]

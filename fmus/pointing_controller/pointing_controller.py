@@ -11,25 +11,23 @@ from numpy.typing import NDArray
 from ps_fmu.control.isolator import UnreachableOrientationError
 from ps_fmu.control.pointing import N_STATES, PointingLaw
 from ps_fmu.interface.ports import (
+    CONTROL_PORTS,
     LONGEST_DELAY,
     ORIENTATION,
-    SAME_ORIENTATION,
-    make_control_ports,
     make_parameter_ports,
+    refuse_delays,
     refuse_parameters,
 )  # fmt: skip
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.mechanism.quantities import take_values
-from ps_fmu.slavekit.author.elements import Clip, Delay, Element, Excess, Hold, Sample, Watch, ring_size
+from ps_fmu.numerics.library import find_function
+from ps_fmu.slavekit.author.elements import Call, Clip, Delay, Element, Hold, Product, Sample, ring_size
+from ps_fmu.slavekit.author.model import Matrices
 from ps_fmu.slavekit.author.slave import ModelError, Slave
 from ps_fmu.slavekit.author.terminals import Terminal
 from ps_fmu.slavekit.author.variables import Port, numbered, vector
 
 DEFAULT = PointingLaw.from_parameters(load())
-
-# Places in x: states of the controller, forces before the limit.  In a: the error as sampled, the excess of the forces.
-CONTROLLER, UNLIMITED = slice(0, N_STATES), slice(N_STATES, N_STATES + 3)
-SAMPLED, EXCESS = slice(0, 3), slice(3, 6)
 
 
 class PointingController(Slave):
@@ -37,9 +35,12 @@ class PointingController(Slave):
 
     model_description = "Pointing controller: voice-coil forces from the line-of-sight error"
     physics: ClassVar[type] = PointingLaw
-    n_states: ClassVar[int] = UNLIMITED.stop
-    n_auxiliary: ClassVar[int] = EXCESS.stop
-    n_memory: ClassVar[int] = 11 + ring_size(3, LONGEST_DELAY)  # see the views made in _build
+    n_states: ClassVar[int] = N_STATES
+    # The error as last sampled; what is integrated, and the integral that is held without lock.
+    n_auxiliary: ClassVar[int] = 3 + 6
+    any_step: ClassVar[bool] = True
+    provides_derivatives: ClassVar[bool] = True
+    n_memory: ClassVar[int] = 3 + 3 + 3 + 1 + 1 + ring_size(3, LONGEST_DELAY)  # see the views in _build
 
     ports: ClassVar[tuple[Port, ...]] = (
         *vector(
@@ -48,11 +49,11 @@ class PointingController(Slave):
         ),
         *ORIENTATION,
         Port(
-            "locked", "input", type="Boolean", start=True,
+            "locked", "input", type="Boolean", start=True, event=False,
             description="False: the error is not used, and the forces stay constant",
         ),
         Port(
-            "enabled", "input", type="Boolean", start=True,
+            "enabled", "input", type="Boolean", start=True, event=False,
             description="False: the forces are zero, and the integrators are reset",
         ),
         *numbered(
@@ -64,10 +65,7 @@ class PointingController(Slave):
             initially_depends_on=(),
         ),
         *make_parameter_ports(DEFAULT),
-        *make_control_ports(
-            turn="Change of orientation after which the gains are computed again, as they are at rest",
-            resolution=1e-3,
-        ),
+        *CONTROL_PORTS,
     )  # fmt: skip
 
     terminals: ClassVar[tuple[Terminal, ...]] = (
@@ -76,81 +74,77 @@ class PointingController(Slave):
 
     @refuse_parameters
     def configure(self) -> None:
-        """Build the controller for the present orientation, at rest."""
+        """Take the present orientation, at rest."""
         self.x[:] = self.a[:] = self.memory[:] = 0.0
         self._build()
-        self.last_orientation[:] = self.values("orientation")
-        self._use(self.last_orientation)
+        self.kept[:] = self.values("orientation")
+        try:
+            self.law.controller(self.kept)
+        except UnreachableOrientationError as error:
+            raise ModelError(str(error)) from None
 
-    def output_map(self) -> NDArray[np.float64]:
-        """Outputs at the start: no force."""
-        return np.zeros((4, 0))
+    def continuous(self) -> Matrices:
+        """The filter of all axes, from what is integrated and from the integral that is held; no force at the start."""
+        A, B = self.law.loop.matrices()
+        held = np.hstack([B, A[:, :1] * [[0.0], [0.0], [0.0], [1.0]]])
+        inputs = np.hstack([np.zeros((N_STATES, self.u.size + 3)), np.kron(held, np.eye(3))])
+        outputs = np.zeros((self.y.size, N_STATES)), np.zeros((self.y.size, inputs.shape[1]))
+        return np.asarray(np.kron(A, np.eye(3))), inputs, *outputs
+
+    def linearise(self) -> tuple[Matrices, NDArray[np.float64]]:
+        """At the orientation of the gains, which is no input of it, within the force limit."""
+        refuse_delays(sample_time=self.sample_time, delay=self.delay)
+        locked, on = bool(self.value("locked")), float(bool(self.value("enabled")))
+        A, B, C = self.law.controller(self.kept).matrices()
+        A[:6] *= locked  # else the integrals stay as they are
+        inputs = np.hstack([B[:, :3] * locked, np.full((N_STATES, 3), np.nan)])
+        D = np.zeros((self.y.size, self.u.size))
+        D[:, 3:] = np.nan
+        outputs = np.vstack([on * C, np.zeros((self.y.size - len(C), N_STATES))])
+        return (A, inputs, outputs, D), A @ self.x + inputs[:, :3] @ self.u[:3]
 
     def before_map(self, h: float) -> Sequence[Element]:
-        """New gains when the platform has turned; the sample; what the limit cut off in the last step."""
-        turn = Watch(
-            self.view("orientation"), self.gain_orientation, self.resolution, self.last_orientation, SAME_ORIENTATION
-        )
-        sample = Sample(self.view("line_of_sight_error"), self.a[SAMPLED], self.sample_clock, self.sample_time or h)
-        if not self.limit:
-            return turn, sample
-        return turn, sample, Excess(self.x[UNLIMITED], -self.limit, self.limit, self.a[EXCESS])
-
-    def step_map(self, h: float) -> NDArray[np.float64]:
-        """[y; x] at the end of a step from [x; u; a] at its start."""
-        step = np.zeros((4 + self.n_states, self.n_states + self.u.size + self.a.size))
-        if not self.value("enabled"):
-            return step
-        Ad, Bd = self.controller.hold(h, frozen=not self.value("locked"))
-        force = self.controller.output_map()
-        inputs = step[:, self.n_states + self.u.size :]
-        states = slice(4, 4 + N_STATES)
-        for rows, by in ((slice(0, 3), force), (states, np.eye(N_STATES)), (slice(states.stop, None), force)):
-            step[rows, CONTROLLER], inputs[rows] = by @ Ad, by @ Bd
-        return step
+        """Return the sample of the error, the gains of the orientation, and what the limit cut off in the last step."""
+        error, words = self.view("line_of_sight_error"), self.words
+        elements: list[Element] = []
+        if self.sample_time:
+            elements.append(Sample(error, self.a[:3], self.sample_clock, self.sample_time))
+            error = self.a[:3]
+        words.error = self.places(error)[0]
+        driven = np.concatenate([self.places(view) for view in (self.kept, self.x[:3], self.a[3:])])
+        return *elements, Call(find_function("control_drive_pointing"), words, driven)
 
     def after_map(self, h: float) -> Sequence[Element]:
-        """Limit, hold and delay of the forces."""
-        force, enabled = self.view("fine_force"), bool(self.value("enabled"))
-        elements: list[Element] = []
-        if self.limit:
-            elements.append(Clip(force, -self.limit, self.limit, "saturated"))
+        """Return the forces, their limit, hold and delay, and the switch."""
+        force = self.view("fine_force")
+        written = np.concatenate([self.places(view) for view in (self.x, force, self.unlimited)])
+        elements: list[Element] = [Call(find_function("control_add_pointing"), self.words, written)]
+        if self.words.limit < np.inf:
+            elements.append(Clip(force, -self.words.limit, self.words.limit, "saturated"))
         hold = Hold(force, self.held, self.hold_clock, self.sample_time) if self.sample_time else None
         if hold:
             elements.append(hold)
         if self.delay:
             elements.append(Delay(force, self.ring, self.delay, hold))
-        if not enabled:  # at once, whatever is still on its way
-            elements.append(Clip(force, 0.0, 0.0))
+        if hold or self.delay:  # disabled, at once, whatever is still on its way
+            elements.append(Product(force, self.places(self.view("enabled"))[[0, 0, 0]], force))
         return elements
-
-    def event(self, t: float, h: float) -> bool:
-        """The platform has turned, lock is won or lost, or the controller is switched."""
-        self._use(self.view("orientation"))
-        return False
 
     @refuse_parameters
     def restore(self) -> None:
-        """Rebuild the controller that the restored memory stands for."""
+        """Rebuild what the parameters stand for."""
         self._build()
-        self._use(self.gain_orientation.copy())
 
     def _build(self) -> None:
         values = self.parameters()
         self.law = take_values(DEFAULT, values)
-        self.resolution = max(float(values["orientation_resolution"]), SAME_ORIENTATION)
-        self.limit, self.delay, self.sample_time = (
-            float(values[name]) for name in ("force_limit", "delay", "sample_time")
+        self.delay, self.sample_time = float(values["delay"]), float(values["sample_time"])  # s
+        # Orientation of the gains, rad; forces before their limit and as held, N; parts of a period since a sample.
+        self.kept, self.unlimited, self.held, self.sample_clock, self.hold_clock, self.ring = np.split(
+            self.memory, [3, 6, 9, 10, 11]
         )
-        memory = self.memory
-        self.gain_orientation, self.last_orientation, self.held = memory[0:3], memory[3:6], memory[6:9]
-        self.sample_clock, self.hold_clock, self.ring = memory[9:10], memory[10:11], memory[11:]
-
-    def _use(self, orientation: NDArray[np.float64]) -> None:
-        """The controller for an orientation, from the next step on."""
-        try:
-            self.controller = self.law.controller(orientation)
-        except UnreachableOrientationError as error:
-            raise ModelError(f"orientation: {error}") from None
-        self.gain_orientation[:] = orientation
-        self.remap()
+        places = {"orientation": self.view("orientation"), "kept_orientation": self.kept, "driving": self.a[3:],
+                  "filter": self.x, "forces": self.y, "unlimited": self.unlimited, "locked": self.view("locked"),
+                  "enabled": self.view("enabled")}  # fmt: skip
+        limit = float(values["force_limit"]) or np.inf
+        self.words = self.law.pack(limit, **{name: int(self.places(view)[0]) for name, view in places.items()})

@@ -1,7 +1,8 @@
 """Pointing and stabilising manipulator for optical space payloads, as FMI 2.0 co-simulation FMUs.
 
 ``ps_fmu.simulate`` runs a scenario, ``ps_fmu.Session`` runs it many times, ``ps_fmu.Result`` contains the results of a
-run.  They raise the following errors, which ``ps_fmu`` exports, too.
+run.  ``ps_fmu.linearise`` makes a linear system of FMUs.  They raise the following errors, which
+``ps_fmu`` exports, too.
 
 ========================  ==============================================================================================
 error                     raised when
@@ -26,6 +27,7 @@ __version__ = "0.1.0"
 _PLACES = {
     "simulate": "simulation",
     "Session": "simulation",
+    "linearise": "simulation",
     "Result": "result",
     "OptionError": "runs.options",
     "BuildError": "slavekit.pack.errors",

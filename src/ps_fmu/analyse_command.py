@@ -32,9 +32,8 @@ _OPTIONS: dict[str, dict[str, Any]] = {
 }  # fmt: skip
 
 
-def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the subcommand ``analyse`` with one subcommand for each analysis."""
-    analyse = commands.add_parser("analyse", help="the paper's numbers and figures, recomputed; design trades")
+def add_arguments(analyse: argparse.ArgumentParser) -> None:
+    """Add a subcommand of ``analyse`` for each analysis."""
     names = analyse.add_subparsers(title="analyses", required=True, metavar="NAME", dest="analysis")
     default = "default: %(default)s"
     for name, analysis in ANALYSES.items():

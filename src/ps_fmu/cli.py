@@ -16,12 +16,9 @@ from pathlib import Path
 from typing import Any
 
 from . import __version__
-from .analyse_command import add_parser as add_analyse
 from .child_processes import use_one_thread
-from .judge_command import add_parser as add_judge
 from .product.files import find_product
 from .runs.built_fmus import find_built_folder, provide_fmus
-from .sweep_command import add_parser as add_sweep
 from .system_commands import add_parsers as add_system_commands
 from .system_commands import add_system_options
 from .terminal import LazyParser, group_commands, read_output, reason, run_command
@@ -31,9 +28,13 @@ EXIT_FAILED = 1
 EXIT_REFUSED = 2  # as argparse on arguments that it does not understand
 EXIT_INTERRUPTED = 130
 
-_IDENTIFY = "ps_fmu.paper.identification.identify_command:add_arguments"
-_LISTED = (("identify", "find a parameter set from the published numbers", _IDENTIFY),)
-"""Commands of rooms that nothing else knows: name, words of the help, and what adds the arguments to a parser."""
+_LISTED = (
+    ("analyse", "the paper's numbers and figures, recomputed; design trades", "ps_fmu.analyse_command"),
+    ("identify", "find a parameter set from the published numbers", "ps_fmu.paper.identification.identify_command"),
+    ("judge", "judge stored results by requirements", "ps_fmu.judge_command"),
+    ("sweep", "run a study of many cases", "ps_fmu.sweep_command"),
+)
+"""Commands that are imported when they are used: name, words of the help, module with ``add_arguments``."""
 _GROUPS = {
     "run and judge": ("run", "judge", "sweep", "analyse"),
     "my instrument": ("parameters", "list", "ssp", "new"),
@@ -87,10 +88,7 @@ def parser() -> argparse.ArgumentParser:
     _add_check(commands)
     add_system_commands(commands)
     _add_crosscheck(commands)
-    add_analyse(commands)
     _add_listed(commands)
-    add_judge(commands)
-    add_sweep(commands)
     return top
 
 
@@ -121,12 +119,11 @@ def _add_run(commands: argparse._SubParsersAction[LazyParser]) -> None:
 
 
 def _add_listed(commands: argparse._SubParsersAction[LazyParser]) -> None:
-    def fill(place: str, parser: argparse.ArgumentParser, arguments: Sequence[str]) -> None:
-        module, _, function = place.partition(":")
-        getattr(import_module(module), function)(parser)
+    def fill(module: str, parser: argparse.ArgumentParser, arguments: Sequence[str]) -> None:
+        import_module(module).add_arguments(parser)
 
-    for name, about, place in _LISTED:
-        commands.add_parser(name, help=about).fill = partial(fill, place)
+    for name, about, module in _LISTED:
+        commands.add_parser(name, help=about).fill = partial(fill, module)
 
 
 def _add_build(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:

@@ -10,15 +10,12 @@ from pathlib import Path
 from .terminal import read_output, reason
 
 
-def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the subcommand ``judge``."""
-    parser = commands.add_parser(
-        "judge",
-        help="judge stored results by requirements",
-        description="Judge the rows of one or more results.nc by requirements.  Several files are members of an "
-        "ensemble: runs that differ in their seed.  Rows that were stored further apart than the steps of the run have "
-        "a smaller bandwidth; ps-fmu run --requirements judges every step.  The exit code is 1 unless all "
-        "requirements are met.",
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of ``judge``."""
+    parser.description = (
+        "Judge the rows of one or more results.nc by requirements.  Several files are members of an ensemble: runs "
+        "that differ in their seed.  Rows that were stored further apart than the steps of the run have a smaller "
+        "bandwidth; ps-fmu run --requirements judges every step.  The exit code is 1 unless all requirements are met."
     )
     parser.add_argument("results", type=Path, nargs="+", metavar="RESULTS.nc")
     parser.add_argument(

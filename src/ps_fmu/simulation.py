@@ -1,14 +1,14 @@
-"""A scenario in a few lines of Python, for notebooks and scripts: ``simulate`` and ``Session``."""
+"""A scenario in a few lines of Python, for notebooks and scripts: ``simulate``, ``Session``, ``linearise``."""
 
 from __future__ import annotations
 
+import dataclasses
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from types import TracebackType
-from typing import Self, Unpack
+from typing import TYPE_CHECKING, Self, Unpack
 
 import numpy as np
 
@@ -17,6 +17,10 @@ from .result import Result, read_folder, write_values
 from .runs.options import PARAMETERS, GivenOptions, OptionError, claim_folder, make_options
 from .runs.output import hold_folder, leave_no_empty_folder
 from .runs.run import Run, SharedSystem, build_fmus, execute, find
+from .runs.runner import Runner
+
+if TYPE_CHECKING:
+    from control import StateSpace
 
 
 def simulate(
@@ -91,11 +95,75 @@ def simulate(
         if parameters:
             path = folder / PARAMETERS
             write_values(path, _check_values(parameters), resume)
-            chosen = replace(chosen, parameters=(*chosen.parameters, path))
-        chosen = replace(chosen, resume=resume, figures=False)
+            chosen = dataclasses.replace(chosen, parameters=(*chosen.parameters, path))
+        chosen = dataclasses.replace(chosen, resume=resume, figures=False)
         build_fmus(chosen)
         done = execute(chosen, shown.append)
     return Result(folder, "\n".join([*shown, *([done.refused] if done.refused else [])]))
+
+
+def linearise(
+    what: str = "isolation",
+    *,
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    at: float = 0.0,
+    constant: Sequence[str] = (),
+    parameters: Mapping[str, Value] | None = None,
+    parameter_files: Sequence[str | PathLike[str]] = (),
+    instrument: str | PathLike[str] | None = None,
+    system: str | PathLike[str] | None = None,
+    replace: Mapping[str, str | PathLike[str]] | None = None,
+    step: float | None = None,
+) -> StateSpace:
+    """The linear continuous system that a system of FMUs is about its state at a time, for python-control.
+
+    Names in it have underscores for dots: ``plant_base_torque_x``.
+
+    >>> plant = ps_fmu.linearise("isolation", inputs=["plant.base_torque.x"],
+    ...     outputs=["plant.payload_rotation.x"])  # doctest: +SKIP
+
+    It is made of the directional derivatives of the FMUs, which FMUs of any maker may provide.  Connections act at
+    once, without the delay of an exchange.  Deviations from the present values are its states, inputs and outputs.
+    Inputs by which an FMU provides no derivative, such as the orientation that gains depend on, are taken as constant.
+
+    Parameters
+    ----------
+    what: a scenario, whose system is taken as its files state it, or any system.
+    inputs: Real inputs ``component.variable``; of a connected one, what is added to its signal.
+    outputs: Real outputs ``component.variable``.
+    at: simulated time at which it is linearised, s; the system runs up to it.
+    constant: components whose outputs are taken as constant, for example a sampled sensor.
+    parameters: start values by ``component.parameter``.
+    parameter_files, instrument, system, replace, step: as of :func:`simulate`.
+
+    Raises
+    ------
+    UsageError: a name is unknown, or a component is not linear and continuous, for example by a delay or a sample time.
+    OptionError, CosimError: the system cannot be run up to the time.
+    """
+    from control import StateSpace as Made
+
+    from .cosim.linearisation import linearise as linearise_system
+
+    with tempfile.TemporaryDirectory(prefix="ps_fmu_") as folder:
+        chosen = make_options(
+            what, Path(folder), progress=False, parameter_files=parameter_files, instrument=instrument, system=system,
+            replace=replace or {}, step=step,
+        )  # fmt: skip
+        chosen = dataclasses.replace(chosen, values=_check_values(parameters or {}))
+        build_fmus(chosen)
+        run = Run(chosen)
+        loaded = run.load().structure
+        with Runner(loaded).open(loaded, step=run.options.step_s) as master:
+            master.initialise()
+            if at:
+                master.run(at)
+            found = linearise_system(master, inputs, outputs, constant)
+    names = {
+        kind: [name.replace(".", "_") for name in getattr(found, kind)] for kind in ("states", "inputs", "outputs")
+    }
+    return Made(found.A, found.B, found.C, found.D, name=chosen.system.stem.replace(".", "_"), **names)
 
 
 class Session:
@@ -141,7 +209,7 @@ class Session:
         Raises the errors of :func:`simulate`.
         """
         seed = self.options.seed if seed is None else seed
-        options = replace(self.options, seed=seed, values=_check_values(parameters or {}))
+        options = dataclasses.replace(self.options, seed=seed, values=_check_values(parameters or {}))
         run = Run(options, tuple(cases), self._shared)
         return Result(None, found=(run, find(run)))
 

@@ -22,14 +22,12 @@ if TYPE_CHECKING:
 EXIT_FAILED, EXIT_REFUSED, EXIT_INTERRUPTED = 1, 2, 130
 
 
-def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the subcommand ``sweep``."""
-    parser = commands.add_parser(
-        "sweep",
-        help="run a study of many cases",
-        description="Run the cases of a study, each with other parameters. The results are percentiles, the "
-        "probability of meeting each requirement, worst cases and sensitivities.  docs/studies.md explains STUDY.toml "
-        "and how to use more than one machine.  Needs the extra: pip install 'ps-fmu[sweep]'.",
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of ``sweep``."""
+    parser.description = (
+        "Run the cases of a study, each with other parameters. The results are percentiles, the probability of meeting "
+        "each requirement, worst cases and sensitivities.  docs/studies.md explains STUDY.toml and how to use more "
+        "than one machine.  Needs the extra: pip install 'ps-fmu[sweep]'."
     )
     parser.add_argument("study", type=Path, metavar="STUDY.toml")
     parser.add_argument("--output", type=read_output, metavar="DIR", help="folder of the results (results/STUDY)")

@@ -6,6 +6,8 @@ Streams may be closed by the caller (``2>&-``), on a full disk, or a pipe that n
 from __future__ import annotations
 
 import argparse
+import atexit
+import gc
 import os
 import signal
 import sys
@@ -16,6 +18,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
 from typing import Any, TextIO
+
+from .child_processes import collect_rarely
 
 PATIENCE = 3
 """Ctrl-C so many times ends what must not be left half done."""
@@ -32,13 +36,15 @@ def run_command(command: Callable[[], int]) -> int:
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
         if getattr(sys, name) is None:  # closed: in this order each gets its own number, and no file of the run does
             setattr(sys, name, open(os.devnull, mode))  # noqa: SIM115
+    atexit.register(gc.freeze)  # at the end of the process all goes: nothing is looked for in it
     streams = sys.stdout, sys.stderr
     output = sys.stdout = _Stream(sys.stdout)
     errors = sys.stderr = _Stream(sys.stderr)
     terminate = _treat_like_ctrl_c()
     try:
         try:
-            code = command()
+            with collect_rarely():
+                code = command()
         except SystemExit as ended:
             code = _get_code(ended)
         output.flush()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from ps_fmu.actuators.voice_coil import Coils, WhiteNoise, discretise, sample_deviation
+from ps_fmu.actuators.voice_coil import Coils, WhiteNoise, discretise
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.mechanism.quantities import ParameterError, list_entries, replace_values
 from ps_fmu.numerics.normal import Stream, make_key
@@ -121,8 +121,3 @@ def test_the_transform_is_that_of_box_and_muller():
     radius = np.sqrt(-2.0 * np.log1p(-u))
     expected = np.concatenate([radius * np.cos(2.0 * np.pi * v), radius * np.sin(2.0 * np.pi * v)])
     np.testing.assert_allclose(WhiteNoise(5, 3)(1024, 512), expected, rtol=0.0, atol=1e-13)
-
-
-def test_density():
-    """White up to half the rate: density squared times band is the variance."""
-    assert sample_deviation(2.0, 1e-4) ** 2 == pytest.approx(2.0**2 * 5000.0)

@@ -70,7 +70,7 @@ def test_a_limit_that_is_missed_is_named(monkeypatch):
 
 
 def test_the_page_has_what_was_measured(monkeypatch):
-    """docs/speed.md is what its command makes of the record: no figure in it is written by hand."""
+    """docs/developers/speed.md is what its command makes of the record: no figure in it is written by hand."""
     monkeypatch.syspath_prepend(str(BENCHMARKS))
     monkeypatch.syspath_prepend(str(BENCHMARKS.parent / "docs"))
     from rounds import RECORD

@@ -90,14 +90,6 @@ def test_a_force_at_its_limit_does_not_wind_the_integrals_up():
     assert late[True] < 0.1 * reach[0] < late[False]
 
 
-def test_frozen_integrals_stay():
-    controller = LAW.controller(np.zeros(3))
-    Ad, Bd = controller.hold(0.1, frozen=True)
-    x = np.arange(1.0, 13.0)
-    later = Ad @ x + Bd @ np.ones(6)
-    np.testing.assert_array_equal(later[:6], x[:6])
-
-
 def test_what_the_mechanism_cannot_take_up_is_refused_by_name():
     low_platform = replace_values(LAW, {"nominal_translation.z": 0.15})  # m
     with pytest.raises(UnreachableOrientationError, match="no pose with the fine legs at rest"):

@@ -173,7 +173,7 @@ def test_paths_that_the_system_does_not_take(tmp_path):
         ({"resources/ToyMass.fmu": None}, r"no FMU .*/a\.ssp/resources/ToyMass\.fmu; build it"),
         ({"resources/ToyMass.fmu": b"no archive"}, r"/a\.ssp/resources/ToyMass\.fmu: is not a readable ZIP archive"),
         ({"mass.ssv": b"<a/>"}, r"/a\.ssp/mass\.ssv, line 1: is not a parameter set"),
-        ({"mass.ssv": SSV.replace(b"mass.mass", b"mass.miss")}, r"mass\.miss \(.*/a\.ssp/mass\.ssv, line 2\): ToyMass"),
+        ({"mass.ssv": SSV.replace(b"mass.mass", b"mass.miss")}, r"mass\.miss \(.*/a\.ssp/mass\.ssv, line 2\): there"),
     ],
 )
 def test_errors_in_an_ssp_name_the_archive_and_the_member(toys, tmp_path, changed, text):

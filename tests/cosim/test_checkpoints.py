@@ -97,7 +97,7 @@ def test_a_damaged_checkpoint_gives_way_to_the_one_before(mixed, tmp_path, caplo
     _, newest = sorted(tmp_path.glob("row-*.msgpack"))
     newest.write_bytes(newest.read_bytes()[:-40])
     check_same(run(mixed, Checkpoints(tmp_path, 0.05, resume=True)), run(mixed))
-    assert "the one before is taken" in caplog.text
+    assert "the checkpoint before it is used" in caplog.text
 
 
 def test_messages_are_told_once(mixed, tmp_path, answer, caplog):
@@ -129,14 +129,14 @@ def change_fmu(system, folder):
 @pytest.mark.parametrize(
     ("what", "words"),
     [
-        ("fmu", "another FMU behind mass: its content is not the same"),
-        ("wiring", "another wiring: 'first.odd -> second.enabled' is not here"),
-        ("scheme", "another scheme: 'jacobi' there, 'gauss-seidel' here"),
-        ("start", r"another start time \(s\): 0.0 there, 1.0 here"),
-        ("value", "another start value of mass.mass: None there, 5.0 here"),
-        ("version", "another version of ps_fmu: '0.0.1' there"),
-        ("duration", "is at t = 0.35 s, after the end of this run, 0.3 s"),
-        ("damaged", "no checkpoint, or a damaged one"),
+        ("fmu", "the content of the FMU of mass differs"),
+        ("wiring", "the connections differ: 'first.odd -> second.enabled' is missing in this run"),
+        ("scheme", "the scheme is 'jacobi' in the checkpoint and 'gauss-seidel' in this run"),
+        ("start", r"the start time \(s\) is 0.0 in the checkpoint and 1.0 in this run"),
+        ("value", "the start value of mass.mass is None in the checkpoint and 5.0 in this run"),
+        ("version", "the version of ps_fmu is '0.0.1' in the checkpoint"),
+        ("duration", "lies at t = 0.35 s, after the end of this run, 0.3 s"),
+        ("damaged", "is not a checkpoint, or is damaged"),
     ],
 )
 def test_another_run_does_not_go_on(mixed, kept, tmp_path, what, words):
@@ -179,7 +179,7 @@ def test_other_events_in_the_past_are_refused(mixed, kept, events):
     if events == EVENTS[:-1]:
         assert len(run(mixed, Checkpoints(kept, 0.05, resume=True), events=events).time) == STEPS + 1
         return
-    with pytest.raises(CheckpointError, match=r"until t = 0.35 s it has had other events"):
+    with pytest.raises(CheckpointError, match=r"the events until t = 0.35 s differ"):
         run(mixed, Checkpoints(kept, 0.05, resume=True), events=events)
 
 
@@ -226,7 +226,7 @@ def test_components_may_have_any_names(with_states, tmp_path):
 
 
 def test_another_step_does_not_go_on(mixed, kept):
-    with pytest.raises(CheckpointError, match=r"another step \(s\): 0.01 there, 0.005 here"), Master(mixed, 0.005) as m:
+    with pytest.raises(CheckpointError, match=r"the step \(s\) is 0.01 in .* and 0.005 in"), Master(mixed, 0.005) as m:
         m.initialise()
         m.run(1.0, [Keep()], checkpoints=Checkpoints(kept, 0.05, resume=True))
 
@@ -364,7 +364,7 @@ def test_a_warm_start_is_checked_before_anything_is_loaded(mixed, kept, tmp_path
     with pytest.raises(CheckpointError, match=r"second\.label is a fixed parameter"):
         WarmStart(kept).check(other, wiring_of_other, descriptions, H, make_scheme("jacobi"))
     WarmStart(kept, ["second"]).check(other, wiring_of_other, descriptions, H, make_scheme("jacobi"))
-    with pytest.raises(CheckpointError, match="is of another system: another scheme"):
+    with pytest.raises(CheckpointError, match="belongs to another system: the scheme is"):
         WarmStart(kept).check(mixed, wiring, descriptions, H, make_scheme("gauss-seidel"))
 
 
@@ -378,7 +378,7 @@ def test_what_is_written_of_a_checkpoint_is_enough_to_begin_from_and_always_the_
 
 
 def test_a_warm_start_of_another_system_is_refused(mixed, kept, tmp_path):
-    with pytest.raises(CheckpointError, match="is of another system: another FMU behind mass"):
+    with pytest.raises(CheckpointError, match="belongs to another system: the content of the FMU of mass differs"):
         begin(change_fmu(mixed, tmp_path), WarmStart(kept), 10)
     with pytest.raises(CheckpointError, match="there is no component 'nobody'"):
         begin(mixed, WarmStart(kept, ["nobody"]), 10)

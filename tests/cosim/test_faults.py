@@ -121,7 +121,7 @@ def test_whole_numbers_and_flags_have_faults_too(make_system, tmp_path, action, 
         event = make_event(action, {**more, **own.get(action, {})}, 0.5, model="a", variable=variable)
         faults = write(tmp_path, event)
         if action == "scale" or (variable == "odd" and action == "bias"):
-            with pytest.raises(SystemFileError, match=rf"action {action}: is not for a\.{variable}"):
+            with pytest.raises(SystemFileError, match=rf"action {action}: cannot act on a\.{variable}"):
                 Master(system, 0.5, faults=faults)
             continue
         collect = Collect()
@@ -272,7 +272,7 @@ def test_libcosim_names_and_order(folder):
         model="b", variable="real_out", action="override", end=1.0,
     )  # fmt: skip
     with Master(read_system(folder), H, faults=faults) as master:
-        assert len(master.faults.remarks) == 2 and "nothing sees its fault" in master.faults.remarks[0]
+        assert len(master.faults.remarks) == 2 and "the fault changes nothing" in master.faults.remarks[0]
     rows, plain = run(folder, faults), run(folder)
     came = lag(plain["a.real_out"], "jacobi")
     assert rows["b.real_in"] == pytest.approx(came + np.where((TIME > 0.55) & (TIME < 1.05), 1.001, 0.0))
@@ -304,5 +304,5 @@ def test_runs_in_parts_and_after_a_reset_are_the_same(folder):
 @pytest.mark.parametrize(("variable", "action"), [("flag_in", "bias"), ("whole_in", "scale"), ("text_in", "delay")])
 def test_actions_are_for_types(folder, variable, action):
     faults = write(folder, {"time": 0.1, "model": "b", "variable": variable, "action": action, "value": 1})
-    with pytest.raises(SystemFileError, match=f"action {action}: is not for b.{variable}, a .*, which takes override"):
+    with pytest.raises(SystemFileError, match=f"action {action}: cannot act on b.{variable} .*: expected .* override"):
         Master(read_system(folder), H, faults=faults)

@@ -111,7 +111,7 @@ BAD = [
     (event(target=None), r"events\[0\].target: expected a text, got nothing"),
     (event(action="freeze"), r"events\[0\].value: unknown key"),
     (event(action="dropout", probability=1.5), r"events\[0\].probability: expected a number <= 1.0, got 1.5"),
-    (event(action="dropout", seed=1), r"events\[0\]: seed: is for a dropout with a probability"),
+    (event(action="dropout", seed=1), r"events\[0\]: seed: expected none without a probability"),
     (event(action="delay", value=-1), r"events\[0\].value: expected a number >= 0.0, got -1"),
     (event(action="delay", value="1"), r"events\[0\].value: expected a number, got '1'"),
     (event(action="noise", value="none"), r"events\[0\]: expected either rms or density"),
@@ -155,7 +155,7 @@ def test_two_events_have_no_name_in_common(tmp_path):
         ("", "is not a JSON file: Expecting value"),
         ('{"events": [\n1,\n]}', "is not a JSON file: .*line 3"),
         ('{"a": 1,\n"a": 2}', "is not a JSON file: the key 'a' occurs twice"),
-        ('{"a": NaN}', "is not a JSON file: NaN is no number"),
+        ('{"a": NaN}', "is not a JSON file: NaN is not a number"),
         ("[" * 100_000, "nested too deeply"),
     ],
 )
@@ -175,7 +175,7 @@ LAUGHS = "a: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(
         ("", "the file: expected an object with keys, got nothing"), ("events: [", "is not a YAML file"),
         ("a: 1\na: 2", "is not a YAML file: the key 'a' occurs twice"),
         (LAUGHS, "more than .* 200000 values"), ("a: &a [*a]", "more than 16 lists|unconstructable"),
-        ("[" * 2000, "is not a YAML file|nested too deeply"), ("[a]: 1", "line 1: a key is no text"),
+        ("[" * 2000, "is not a YAML file|nested too deeply"), ("[a]: 1", "line 1: expected a text as key"),
         ("a: !!python/object/apply:os.system [echo]", "a: unknown key"),
         ("events: !!python/name:os.system x", "is not a YAML file"), ("events: 2001-01-01", "events: expected a list"),
         ("events: [{time: .nan, model: a, variable: y, action: freeze}]", r"\[0\]\.time: expected a number"),
@@ -194,7 +194,7 @@ def test_too_many_events_are_refused(tmp_path):
 def test_files_that_cannot_be_read_are_refused(tmp_path):
     with pytest.raises(SystemFileError, match="cannot be read: No such file"):
         read_faults(tmp_path / "none.json")
-    with pytest.raises(SystemFileError, match="is no file"):
+    with pytest.raises(SystemFileError, match="is a folder"):
         read_faults(tmp_path)
     with pytest.raises(SystemFileError, match="is not a JSON file: 'utf-8' codec"):
         (tmp_path / "latin.json").write_bytes(b'{"a": "\xe9"}')

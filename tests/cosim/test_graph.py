@@ -81,7 +81,7 @@ def test_connectors_must_agree_with_the_fmu(make_system):
     causality, kind, name = problems(read_system(system.path, system.components[0].source.parent))
     assert "connector mass.force: is declared output, in the FMU it is input" in causality
     assert "connector mass.position: is declared Boolean, in the FMU it is Real" in kind
-    assert "connector mass.velocitie: ToyMass.fmu has no such variable; did you mean velocity?" in name
+    assert "connector mass.velocitie: there is no such variable in ToyMass.fmu; did you mean velocity?" in name
 
 
 def test_an_fmu_that_can_be_instantiated_only_once(make_system, rewrite, toys):
@@ -94,8 +94,8 @@ def test_an_fmu_that_can_be_instantiated_only_once(make_system, rewrite, toys):
 @pytest.mark.parametrize(
     ("name", "value", "reason"),
     [
-        ("a.gian", 1.0, "no such variable; did you mean gain?"),
-        ("a.y", 1.0, "causality output"),
+        ("a.gian", 1.0, "there is no such variable in ToyGain.fmu; did you mean gain?"),
+        ("a.y", 1.0, "causality is output"),
         ("a.gain", "2", "a.gain (given by the caller): expected a value of type Real, got '2' (str)"),
         ("a.gain", True, "got True (bool)"),
         ("a.gain", float("inf"), "finite"),

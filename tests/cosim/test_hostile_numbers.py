@@ -88,14 +88,14 @@ def test_whole_numbers_of_more_than_32_bits(folder, number):
 @pytest.mark.parametrize("kind", ["Integer", "Enumeration"])
 def test_a_start_value_that_is_no_item(folder, kind):
     found = read(folder, system(relay("b", binding(f"whole_in={kind}:3"), "English.fmu")))
-    with pytest.raises(WiringError, match=r"no value 3; it has red \(1\), green \(2\)"):
+    with pytest.raises(WiringError, match=r"expected an item of the enumeration, red \(1\), green \(2\), got 3"):
         Master(found, 0.1)
 
 
 def test_an_input_that_is_no_item(folder):
     (folder / "in.csv").write_text("time,b.whole_in\n0,1\n1,3\n")
     found = read(folder, system(relay("b", source="English.fmu")))
-    with pytest.raises(SystemFileError, match=r"in\.csv, line 3: .* no value 3; it has red \(1\), green \(2\)"):
+    with pytest.raises(SystemFileError, match=r"in\.csv, line 3: .* red \(1\), green \(2\), got 3"):
         Master(found, 0.1, inputs=read_signals(folder / "in.csv"))
 
 

@@ -106,7 +106,7 @@ def test_states_of_any_size_go_through_the_pipe(tmp_path, make_system):
 
 
 def test_a_component_that_is_not_there(mixed):
-    with pytest.raises(UsageError, match="there is no component 'nobody'; the system has mass, first"):
+    with pytest.raises(UsageError, match="there is no component 'nobody'; expected one of mass, first"):
         Master(mixed, H, isolation=Isolation(frozenset({"nobody"})))
 
 
@@ -204,7 +204,7 @@ def test_a_timeout_that_is_no_time(name, value):
 
 @pytest.mark.parametrize("name", ["--step-timeout", "--call-timeout"])
 def test_a_timeout_without_isolation(name):
-    with pytest.raises(UsageError, match=f"{name}: only FMUs with processes of their own can be ended"):
+    with pytest.raises(UsageError, match=f"{name}: needs --isolate"):
         parse(name, "1")
 
 

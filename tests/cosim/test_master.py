@@ -177,7 +177,7 @@ def test_arguments_are_checked_before_anything_runs(oscillator):
             ((0.0, "force", 1.0), "component.variable"),
             ((0.0, "mass.force", True), "mass.force: expected a value of type Real"),
             ((0.0, "mass.force", math.nan), "finite"),
-            ((0.0, "mass.position", 1.0), "causality output"),
+            ((0.0, "mass.position", 1.0), "causality is output"),
             ((0.0, "spring.damping", 1.0), "before initialisation"),
         ):
             with pytest.raises(UsageError, match=reason):

@@ -108,7 +108,7 @@ def test_another_algorithm_is_a_remark(read, tmp_path):
     ecco = text(more="<EccoConfiguration><StepSize>0.1</StepSize></EccoConfiguration>").replace("fixedStep", "ecco")
     path.write_text(ecco)
     (remark,) = read_system(path).remarks
-    assert "other.xml, line 3: Algorithm 'ecco' is not known here" in remark
+    assert "other.xml, line 3: Algorithm 'ecco' is not supported" in remark
 
 
 VARIABLE = '<Variable simulator="first" name="x"/>'
@@ -146,7 +146,7 @@ def with_value(value):
         ({"head": HEAD.replace("0.01", "0.01<Unit/>0")}, 2, "Unit in BaseStepSize: is not expected here"),
         ({"head": HEAD.replace("<EndTime>", '<EndTime unit="ms">')}, 2, "EndTime has an unknown attribute 'unit'"),
         ({"connections": FORCE.replace("second", "third") + END}, 9, "there is no simulator 'third'"),
-        ({"connections": MOTION.replace('"x"', '"xx"', 1)}, 9, "first has no variable 'xx'"),
+        ({"connections": MOTION.replace('"x"', '"xx"', 1)}, 9, "there is no variable 'xx' in first"),
         ({"connections": MOTION.replace("second", "first")}, 9, "expected an output and an input"),
         ({"connections": FORCE.replace("first", "second") + END}, 9, "of causality output, second.F"),
         ({"connections": f"<VariableConnection>{VARIABLE}</VariableConnection>"}, 9, "expected two Variables"),
@@ -160,7 +160,7 @@ def with_value(value):
         ({"connections": OUT, "functions": FUNCTIONS}, 10, "input of function 'double' is not"),
         ({"connections": DOUBLED + DOUBLED, "functions": FUNCTIONS}, 12, "of function 'double' is connected twice"),
         ({"connections": SIGNAL.format("first", "F", "double", "in"), "functions": FUNCTIONS}, 10, "to an output"),
-        ({"connections": SIGNAL.format("first", "x", "double", "sum"), "functions": FUNCTIONS}, 10, "signals in and"),
+        ({"connections": SIGNAL.format("first", "x", "double", "sum"), "functions": FUNCTIONS}, 10, "signal in or"),
         ({"more": "<Observers/>"}, 12, "Observers in OspSystemStructure: is not expected here"),
         ({"head": "<Simulators/>"}, 3, "more than one Simulators"),
     ],

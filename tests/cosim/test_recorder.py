@@ -74,7 +74,7 @@ def test_rows_are_stored_unchanged_with_units(path):
         assert group["plant.on"].flag_meanings == "false true"
         assert list(data["active"].variables) == ["time", "plant.angle"]
         assert group.dimensions["time"].isunlimited()
-    with pytest.raises(UsageError, match="has a run 'active' already"):
+    with pytest.raises(UsageError, match="there is a run 'active' already"):
         Recorder(path, "active", columns=COLUMNS, step=0.1, append=True)
 
 

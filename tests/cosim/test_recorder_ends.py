@@ -102,7 +102,7 @@ def test_a_full_disk_leaves_a_readable_file(path):
     assert "MB needed" in result.stdout
     stored = stored_rows(path)
     assert stored >= 8000
-    assert f"The {stored} rows stored so far can be read" in result.stdout
+    assert f"{stored} rows are stored." in result.stdout
 
 
 def test_a_full_disk_ends_the_run_with_the_results_kept(make_system, path, monkeypatch):
@@ -115,7 +115,7 @@ def test_a_full_disk_ends_the_run_with_the_results_kept(make_system, path, monke
             master.run(4.0, [recorder])
             monkeypatch.setattr("shutil.disk_usage", lambda folder: type("Usage", (), {"free": 1000})())
             master.run(4.0, [recorder])
-    assert "4000 rows stored" in str(caught.value)
+    assert "4000 rows are stored" in str(caught.value)
     assert "Recorder" in caught.value.__notes__[0]
     with netCDF4.Dataset(path) as data:
         assert len(data["run"]["time"]) == 4000

@@ -150,7 +150,7 @@ def test_hints_of_the_description_are_rates(masses, caplog, tmp_path):
     assert own["second.F"].tobytes() == run(masses, "jacobi")["second.F"].tobytes(), "what the user says, counts"
     with caplog.at_level(logging.WARNING):
         run(hinted, "jacobi", h=0.02)
-    assert "first: its step of 0.03 s is no whole multiple or fraction of the step of 0.02 s" in caplog.text
+    assert "first: its step of 0.03 s is not a whole multiple or fraction of the step of 0.02 s" in caplog.text
     assert "second" not in caplog.text
 
 

@@ -110,7 +110,7 @@ def test_a_reset_gives_the_same_rows(folder, collect):
         ("time;u\n0;1\n", 1, "the columns are not separated by commas"),
         ("time\n0\n", 1, "there is no input"),
         ("time,u,\n0,1,1\n", 1, "column 3 has no name"),
-        ("time,u\n", 1, "there are no rows"),
+        ("time,u\n", 1, "expected rows below the head"),
         ("time,u\n0,1\n\n1,2,3\n", 4, "expected 2 values, got 3"),
         ("time,u\n0,1\n1,2\n0.5,3\n", 4, "does not decrease, got '0.5'"),
         ("time,u\nnow,1\n", 2, "got 'now'"),
@@ -158,10 +158,10 @@ def test_a_value_that_no_input_can_have_is_named(folder):
 @pytest.mark.parametrize(
     ("name", "reason"),
     [
-        ("w", "the system has no such input"),
-        ("a.level_inn", "no such input; did you mean a.level_in"),
+        ("w", "there is no such input in the system"),
+        ("a.level_inn", "no such input in the system; did you mean a.level_in"),
         ("a.real_in", "the variable is connected"),
-        ("a.gain", "the variable is of causality parameter"),
+        ("a.gain", "the variable is not an input, its causality is parameter"),
         ("t", "Strings cannot be read"),
     ],
 )

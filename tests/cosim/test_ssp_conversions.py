@@ -117,7 +117,7 @@ def test_units_on_the_way_through_a_system(open_text):
         (make_chain(INVERTED.replace('"true"', '"0"'), "flag"), "the source value '0' occurs twice"),
         (make_chain(TABLE.replace('"9"', '"x"'), "whole"), "expected a whole number, got 'x'"),
         (make_chain(COLOURS.replace("blau", "grau"), "whole", "English.fmu", "German.fmu"),
-         "no item 'grau'; it has rot"),
+         "no item 'grau' in the enumeration; expected one of rot"),
     ],
 )
 def test_conversions_that_cannot_be_honoured(open_text, text, reason):

@@ -92,14 +92,14 @@ def test_signal_dictionaries(open_text, relay_folder, collect):
     ("inside", "reason"),
     [
         (system(relay("a") + reference("input", "sped"), more=DICTIONARY, wires=wire("a/real_out", "ref/sped")),
-         "the signal dictionary 'bus' has no entry 'sped'; did you mean speed?"),
+         "there is no entry 'sped' in the signal dictionary 'bus'; did you mean speed?"),
         (system(relay("a") + reference("input", dictionary="buss"), more=DICTIONARY,
                 wires=wire("a/real_out", "ref/speed")), "no signal dictionary 'buss'; did you mean bus?"),
         (system(relay("a") + relay("b") + reference("inout"), more=DICTIONARY,
                 wires=wire("a/real_out", "ref/speed") + wire("b/real_out", "ref/speed")),
          "signal bus.speed already has a source"),
-        (system(relay("a"), wire("a/real_out", "u"), port("u", "input")), "both give a value and none takes it"),
-        (system(relay("a"), wire("y", "a/real_in"), port("y", "output")), "both take a value and none gives it"),
+        (system(relay("a"), wire("a/real_out", "u"), port("u", "input")), "both give a value: correct"),
+        (system(relay("a"), wire("y", "a/real_in"), port("y", "output")), "both take a value: correct"),
         (system(f'{relay("a")}<ssd:System name="s"><ssd:Connectors>{port("p", "input")}{port("q", "output")}'
                 f'</ssd:Connectors><ssd:Connections>{wire("p", "q")}</ssd:Connections></ssd:System>',
                 wire("s/q", "s/p") + wire("s/q", "a/real_in")), "goes round in a circle"),
@@ -154,7 +154,7 @@ def test_a_component_that_is_an_archive(open_text, relay_folder, collect):
     tree = open_text(text)
     assert [component.name for component in tree.components] == ["a", "p.r", "q.v"]
     assert last(tree, collect, {"a.real_in": -2.0})["q.v.real_out"] == -2.0
-    with pytest.raises(SystemFileError, match=r"line \d+: component 'q': inner\.ssp has no None\.ssd"):
+    with pytest.raises(SystemFileError, match=r"line \d+: component 'q': there is no None\.ssd in inner\.ssp"):
         open_text(text.replace("#Variant", "#None"))
 
 

@@ -147,7 +147,7 @@ COMPONENT = '<ssd:Component name="mass" type="application/x-fmu-sharedlibrary" s
         ("<ssc:Real/>", "<ssc:Clock/>", "<ssc:Clock/>", "clocks are not supported"),
         ("<ssc:Real/>", "<ssc:Binary/>", "<ssc:Binary/>", "binary variables are not supported"),
         (CONNECTION, CONNECTION.replace("/>", f">{GAIN}</ssd:Connection>"), GAIN, "factor: expected a finite number"),
-        (CONNECTION, CONNECTION.replace('startElement="mass"', ""), "startConn", "system has no connector 'position'"),
+        (CONNECTION, CONNECTION.replace('startElement="mass"', ""), "startConn", "no connector 'position' at"),
         (CONNECTION, CONNECTION.replace("/>", f">{MAP}{MAP}</ssd:Connection>"), MAP, "more than one transformation"),
         (CONNECTION, CONNECTION.replace("/>", ' suppressUnitConversion="no"/>'), '"no"', "expected true or false"),
         (CONNECTION, CONNECTION.replace('"mass"', '"maas"'), "maas", "no component 'maas'; did you mean mass"),

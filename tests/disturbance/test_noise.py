@@ -6,11 +6,10 @@ from scipy.signal import welch
 from support.claims import verify_claim
 
 from ps_fmu.disturbance import default_settings, multisine_lines, psd_at_origin, spectrum
-from ps_fmu.disturbance.gaussian import Block, GaussianNoise
+from ps_fmu.disturbance.gaussian import GaussianNoise
 from ps_fmu.disturbance.multisine import Multisine
 from ps_fmu.disturbance.noise import SpectrumTable
-from ps_fmu.disturbance.spectrum import Layer, factor, gaussian_density, layers, share
-from ps_fmu.disturbance.synthesis import LayerLines
+from ps_fmu.disturbance.spectrum import factor, gaussian_density, layers, share
 from ps_fmu.mechanism.parameters import ParameterError, load
 from ps_fmu.mechanism.quantities import replace_values
 from ps_fmu.numerics.normal import Stream, make_key
@@ -178,48 +177,11 @@ def test_either_layer_may_be_empty(kind):
         np.testing.assert_allclose((values**2).mean(axis=0), np.diag(PSD) * np.ptp(band), rtol=0.2)
 
 
-def test_times_far_apart_do_not_cost_what_lies_between(monkeypatch):
-    made = []
-    make = Block.make
-    monkeypatch.setattr(Block, "make", lambda block: made.append(block.key) or make(block))
+def test_times_far_apart_are_as_each_on_its_own():
     times = np.array([1e3, 2e3, 1e9])
     together = GaussianNoise(PSD, LOW_BAND, seed=5)(times)
-    assert len(made) <= 12  # two blocks alive at a time, two layers
     for time, expected in zip(times, together, strict=True):
         np.testing.assert_array_equal(GaussianNoise(PSD, LOW_BAND, seed=5)(np.array([time]))[0], expected)
-
-
-@pytest.mark.parametrize("period", [37.3, 40.0025, 100.0])
-@pytest.mark.parametrize("numbers", [(1, 40), (700, 2700), (4990, 5020), (6249, 6252)])
-def test_samples_in_phases_are_those_of_one_transform(period, numbers):
-    """Lines below, at and above the highest frequency of the parts, where they appear as aliases."""
-    layer = Layer(0, 400.0, period, np.arange(*numbers))
-    polyphase = LayerLines(layer, 1, np.ones((1, layer.numbers.size)))
-    random = np.random.default_rng(4)
-    lines = random.standard_normal((1, layer.numbers.size)) + 1j * random.standard_normal((1, layer.numbers.size))
-    spectra = np.concatenate([polyphase.fold(lines * polyphase.gains[0], phase) for phase in range(polyphase.phases)])
-    found = polyphase.transform(spectra)
-    expected = layer.sample(lines)[:, 0]
-    np.testing.assert_allclose(found.T.ravel(), expected, rtol=0.0, atol=1e-14 * np.abs(expected).max() * 10)
-    assert polyphase.points * polyphase.phases == layer.points
-    assert polyphase.points <= 2500 or polyphase.phases == 1
-
-
-def test_blocks_made_in_parts_are_those_made_at_once():
-    """All parts are counted, and none of them is made again when the values are asked for."""
-    times = 2.3 + np.arange(400) * 1e-3  # another block begins at 2.5 s
-    at_once = GaussianNoise(PSD, NOISE.band, seed=6)
-    in_parts = GaussianNoise(PSD, NOISE.band, seed=6)
-    for noise in (at_once, in_parts):
-        noise(times[:10])
-    left: list[int] = []
-    for part in in_parts.prepare(times):
-        left += [part] if isinstance(part, int) else range(part.left + part.later, part.later - 1, -1)
-    assert left == list(range(len(left) - 1, -1, -1))
-    assert len(left) > 100
-    np.testing.assert_array_equal(in_parts(times), at_once(times))
-    assert list(in_parts.prepare(times)) == []
-    assert list(in_parts.prepare(np.arange(400.0))) == []  # more blocks than are kept
 
 
 def sum_lines(psd, band, seed, period, rise_time, time):
@@ -240,11 +202,15 @@ def sum_lines(psd, band, seed, period, rise_time, time):
     return total
 
 
-@pytest.mark.parametrize("period", [20.0, 37.3])
+@pytest.mark.parametrize(("period", "highest"), [(20.0, 800.0), (1.5, 60.0), (37.3, 15.0), (41.005, 15.0)])
 @pytest.mark.parametrize("times", [[0.5, 1.25, 1.9975], [2.4975, 2.5, 7.75, 60.0]])
-def test_noise_is_the_sum_of_its_lines(period, times):
-    """While it rises and later; the second period has as many points as only the transform of numpy takes."""
-    band = np.array([1.0, 60.0])  # Hz
+def test_noise_is_the_sum_of_its_lines(period, highest, times):
+    """While it rises and later, at points of the grid, which is finer for the two last periods."""
+    band = np.array([2.0 / period if period < 2.0 else 1.0, highest])  # Hz
+    grid = layers(band, period, half=False, overlap=True)[0]
+    hop = 0.5 * grid.period  # blocks begin at multiples of it, on their grid
+    times = [time // hop * hop + round(time % hop * grid.rate) / grid.rate for time in times]
+    assert (grid.rate == 400.0) == (highest > 20.0)
     found = GaussianNoise(PSD, band, 7, period)(np.array(times))
     expected = [sum_lines(PSD, band, 7, period, 2.0, time) for time in times]
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-11 * np.abs(expected).max())
@@ -269,48 +235,6 @@ def test_lines_of_the_multisine_are_what_it_plays():
     expected = (np.exp(2j * np.pi * np.outer(times, frequency)) @ amplitude).real
     played = Multisine(PSD, LOW_BAND, seed=2, period=20.0)(times)
     np.testing.assert_allclose(played, expected, rtol=0.0, atol=2e-5 * np.abs(expected).max())
-
-
-def test_a_source_in_the_memory_of_another_one_is_the_same():
-    """Blocks are made in memory that an earlier source has filled with something else."""
-
-    def make(seed):
-        return GaussianNoise(np.eye(6), np.array([0.1, 50.0]), seed)
-
-    times = np.linspace(0.0, 0.5, 40)
-    first = make(4)
-    expected = first(times)
-    other = make(5)
-    assert (other(times) != expected).any()
-    del first, other
-    assert make(4)(times).tobytes() == expected.tobytes()
-
-
-def test_a_source_keeps_its_blocks_while_others_come_and_go():
-    def make(seed):
-        return GaussianNoise(np.eye(6), np.array([0.1, 50.0]), seed)
-
-    times, kept = np.linspace(0.0, 0.5, 40), make(4)
-    expected = kept(times)
-    for seed in range(5, 9):
-        make(seed)(times)
-    assert kept(times).tobytes() == expected.tobytes()
-
-
-def test_a_block_in_use_is_not_recycled_for_its_neighbour():
-    source = _make_small(4)
-    layer = source._layers[0]
-    known = source._blocks[layer.key]
-    for index in (5, 8, 9):
-        source._get(layer, index)
-    used = known[5]
-    source._get(layer, 6)
-    assert known[5] is used
-    assert sorted(known) == [5, 6, 9]
-
-
-def _make_small(seed):
-    return GaussianNoise(np.eye(6), np.array([1.0, 5.0]), seed, period=10.0)
 
 
 BAND = np.array([0.1, 50.0])

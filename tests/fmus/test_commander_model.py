@@ -7,7 +7,6 @@ from support.models import Host, slave_class
 from ps_fmu.mechanism.inverse_kinematics import inverse_kinematics
 from ps_fmu.mechanism.kinematics import forward_kinematics
 from ps_fmu.mechanism.parameters import load
-from ps_fmu.slavekit.author.ahead import finish
 from ps_fmu.slavekit.author.slave import ModelError, Refused
 
 GEOMETRY = load().manipulator.geometry
@@ -283,27 +282,6 @@ def test_geometry_is_that_of_the_parameters():
     host = commander((10.5, 0.0, 0.0), coarse_stroke__min=-0.025, coarse_stroke__max=0.025)
     assert host.flag("reachable")
     np.testing.assert_array_equal(orientation(host), np.radians([10.5, 0.0, 0.0]))
-
-
-def test_a_row_does_not_depend_on_its_table():
-    host = commander()
-    host.set(**target((5.0, -2.0, 3.0)))
-    host.step(H)
-    whole = finish(host.slave.rows(0.0, H, 256))
-    parts = np.vstack([finish(host.slave.rows(k * H, H, n)) for k, n in ((0, 1), (1, 7), (8, 90), (98, 158))])
-    np.testing.assert_array_equal(parts, whole)
-    assert (whole[0] != whole[-1]).any()
-
-
-def test_a_row_at_rest_does_not_depend_on_its_table():
-    """The table that the motion ends in, and the one after it."""
-    host = commander()
-    host.set(**target((5.0, -2.0, 3.0)))
-    host.step(H)
-    first = int(host.slave.profile.end_time / H) - 50
-    whole = finish(host.slave.rows(first * H, H, 100))
-    np.testing.assert_array_equal(finish(host.slave.rows((first + 60) * H, H, 40)), whole[60:])
-    assert (whole[0] != whole[-1]).any()
 
 
 def test_experiment_that_starts_before_zero():

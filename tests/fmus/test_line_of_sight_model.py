@@ -138,15 +138,35 @@ def test_quaternions_of_another_size_are_warned_of(capsys) -> None:
     assert not host.flag("locked")
 
 
-def test_python_makes_no_steps_between_events() -> None:
-    """A steady run: one event to begin with, one for lock."""
-    host = make()
-    host.step(H, 10)
-    called: list[float] = []
-    event = type(host.slave).event
-    host.slave.event = lambda t, h: called.append(t) or event(host.slave, t, h)
-    run(host, 50)
-    assert not called
+IN, NEAR, OUT = 0.3, 0.8, 1.2  # of half of the field; lock is acquired within 0.5
+SEARCHING, ACQUIRING, LOCKED = 0.0, 1.0, 2.0
+
+
+@pytest.mark.parametrize(
+    ("lock", "place", "visible", "elapsed", "then"),
+    [
+        (SEARCHING, IN, True, 0.0, ACQUIRING),
+        (SEARCHING, NEAR, True, 0.0, SEARCHING),
+        (SEARCHING, IN, False, 0.0, SEARCHING),
+        (ACQUIRING, IN, True, 0.4, ACQUIRING),
+        (ACQUIRING, IN, True, 0.5, LOCKED),
+        (ACQUIRING, NEAR, True, 0.5, SEARCHING),
+        (LOCKED, NEAR, True, 0.0, LOCKED),
+        (LOCKED, OUT, True, 0.0, SEARCHING),
+        (LOCKED, -OUT, True, 0.0, SEARCHING),
+        (LOCKED, IN, False, 0.0, SEARCHING),
+    ],
+)
+def test_lock_from_each_state(lock: float, place: float, visible: bool, elapsed: float, then: float) -> None:
+    host = make(acquisition_time=0.5)
+    host.slave.lock[0], host.slave.x[0] = lock, elapsed
+    turn = [0.5 * DEFAULT_TRACKER.field_of_view * place, 0.0, 0.0]
+    host.set(target_visible=visible, **attitude("target_attitude", turned(turn)))
+    host.step(H)
+    assert host.slave.lock[0] == then
+    assert host.flag("locked") == (then == LOCKED)
+    going_on = lock == then == ACQUIRING
+    assert host.slave.x[0] == (elapsed * going_on + H if then == ACQUIRING else 0.0)
 
 
 @pytest.mark.parametrize("latency", [0.0, 0.4, 3.0, 7.3, 20.0])

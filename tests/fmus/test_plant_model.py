@@ -1,15 +1,14 @@
 """ManipulatorPlant driven as a Python object: what its ports mean, coarse commands, events, its maps."""
 
-import re
-
 import numpy as np
 import pytest
+import scipy.linalg
 from support.mechanics import PAPER, to_rotation_matrix
-from support.models import MODELS, ROOT, Host, slave_class
+from support.models import Host
 
 from ps_fmu.mechanism.linear_model import momentum
 from ps_fmu.mechanism.signals import output_slices, servo_slices
-from ps_fmu.slavekit.author.blocks import store_by_columns
+from ps_fmu.mechanism.stepping import Memory
 from ps_fmu.slavekit.author.slave import ModelError, Refused
 
 ORIENTATION = ("orientation.roll", "orientation.pitch", "orientation.yaw")
@@ -94,7 +93,8 @@ def test_rigid_variants() -> None:
     off |= {f"payload__truss_mode_{i}__frequency": 0.0 for i in (1, 2)} | {"coarse_rods__axial_stiffness": 0.0}
     host = Host("manipulator_plant", fine_force_1=1.0, **off).run_mode()
     host.step(H, 10)
-    assert host.slave.model.dynamics.active.sum() == 9
+    assert sum(host.slave.step.mechanism.struct.mask) == 9
+    assert host.slave.step.mechanism.n == 12
     assert host.get("fine_displacement_1")[0] > 0.0
 
 
@@ -105,59 +105,61 @@ S, _, R = servo_slices(N)
 POSITION, VELOCITY = slice(3, 6), slice(N + 3, N + 6)
 
 
+def kept(slave):
+    """What the plant keeps from step to step, by name."""
+    return Memory.from_buffer(slave.memory)
+
+
 def slew(steps, velocity_B=(0.0, 0.0, 0.0), step=H, command=COMMAND, **start):
     """The slave after a command in one step, on a bus at some velocity, and how many linear models it made."""
     host = Host("manipulator_plant", **start).run_mode()
     slave = host.slave
     slave.x[VELOCITY] = velocity_B  # m/s
-    slave.balance.begin(slave.model, slave.state, 0.0)
+    slave.step.begin(slave._core)
     slave.view("coarse_command")[:] = command
-    made = 0
+    made = set()
     for _ in range(steps):
-        model = slave.model
         host.step(step)
-        made += slave.model is not model
-    return slave, made
+        made.add(bytes(kept(slave).present))
+    return slave, len(made)
 
 
 def test_slew_ends_exactly_at_the_command_and_leaves_no_momentum():
     slave, made = slew(6000, **{f"fine_leg_{i}__damping": 2e3 for i in (1, 2, 3)})
     np.testing.assert_array_equal(slave.x[S], COMMAND)
-    np.testing.assert_array_equal(slave.model.centre.coarse, COMMAND)
-    assert not slave.model.centre.speeds.any()
-    assert 5 < made < 30
-    assert np.abs(momentum(slave.model, slave.state)).max() < 2e-9  # N.s, N.m.s
+    np.testing.assert_array_equal(kept(slave).present.coarse[:], COMMAND)
+    assert not kept(slave).moving
+    assert made < 5
+    assert np.abs(momentum(slave.plant.linearise(COMMAND), slave.x[: 2 * N + 9])).max() < 2e-9  # N.s, N.m.s
 
 
 def test_slew_is_the_same_on_a_bus_that_moves():
     """Galileo: a constant velocity of everything changes nothing but the position; both are components in B."""
     velocity = np.array([0.02, -0.5, 0.3])  # m/s
     (still, made), (moving, made_too) = slew(1500), slew(1500, velocity)
-    assert made == made_too > 10
-    q = moving.y[PLACE["base_attitude"]]
-    to_B = to_rotation_matrix(q / np.linalg.norm(q)).T
-    state = moving.state.copy()
+    assert made == made_too
+    to_B = to_rotation_matrix(moving.y[PLACE["base_attitude"]]).T
+    state = moving.x.copy()
     state[POSITION] -= to_B @ (1.5 * velocity)
     state[VELOCITY] -= to_B @ velocity
     others = np.delete(np.arange(len(state)), np.r_[POSITION])
-    np.testing.assert_allclose(state[others], still.state[others], rtol=0.0, atol=1e-12)
-    np.testing.assert_allclose(state[POSITION], still.x[POSITION], rtol=0.0, atol=2e-10)
+    np.testing.assert_allclose(state[others], still.x[others], rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose(state[POSITION], still.x[POSITION], rtol=0.0, atol=4e-10)
     assert np.abs(still.x[6:9]).max() > 1e-6  # rad, the reaction of the bus
 
 
-def test_a_command_that_creeps_makes_no_new_model_until_it_stays():
+def test_a_command_that_creeps_moves_nothing_until_it_stays():
     """A slew begins with less than 1e-12 m a step: each would be a pose that the legs have reached."""
     host = Host("manipulator_plant", servo__frequency=200.0).run_mode()
     slave = host.slave
     host.step(H)
-    model = slave.model
     for k in range(1, 100):
         slave.view("coarse_command")[:] = k * 1e-13  # m
         host.step(H)
-        assert slave.model is model
+        assert not kept(slave).moving
         assert np.abs(slave.x[S]).max() < 1e-11
-    host.step(H, 200)
-    np.testing.assert_array_equal(slave.model.centre.coarse, slave.view("coarse_command"))
+    host.step(H, 400)
+    np.testing.assert_array_equal(kept(slave).present.coarse[:], slave.view("coarse_command"))
     np.testing.assert_allclose(slave.x[S], slave.view("coarse_command"), rtol=0.0, atol=1e-24)
 
 
@@ -166,7 +168,6 @@ def test_rate_limit_and_stroke():
     slave = host.slave
     slave.view("coarse_command")[:] = 0.01, -0.01, 1e-9  # m
     host.step(H)
-    np.testing.assert_allclose(slave.a[:3], [5e-3, -5e-3, 1e-6])  # m/s
     np.testing.assert_allclose(slave.x[R], [5e-6, -5e-6, 1e-9])
     within = slave.plant.within_stroke(np.array([0.5, -0.5, 0.01]))
     np.testing.assert_array_equal(within, [0.02, -0.02, 0.01])
@@ -180,114 +181,54 @@ def test_a_command_beyond_the_stroke_ends_at_the_stroke():
 def test_at_rest_at_the_command_nothing_moves():
     start = {f"coarse_command_{i}": value for i, value in zip((1, 2, 3), (0.004, -0.003, 0.002), strict=True)}
     host = Host("manipulator_plant", **start).run_mode()
-    model, state = host.slave.model, host.slave.state.copy()
+    state = host.slave.x.copy()
     host.step(H, 20)
-    assert host.slave.model is model
-    np.testing.assert_allclose(host.slave.state, state, rtol=0.0, atol=1e-16)
+    assert not kept(host.slave).moving
+    np.testing.assert_allclose(host.slave.x, state, rtol=0.0, atol=1e-16)
 
 
-@pytest.mark.parametrize("step", [1e-4, 1e-3, 5e-3])
-def test_a_slew_makes_few_linear_models(step):
-    """A fast one of 8.5 deg; one model for each 30 um of the legs would be 400."""
-    command = [0.0190, -0.0196, -0.0011]
-    _, made = slew(round(0.6 / step), command=command, step=step, servo__rate_limit=0.05)
-    assert 10 < made < 70
-
-
-def test_fine_legs_held_at_another_length_need_one_model():
+def test_fine_legs_held_at_another_length_rest_there():
     """A constant force, and a little vibration: the model about the deformed pose at rest serves for good."""
     host = Host("manipulator_plant", **{f"fine_leg_{i}__damping": 300.0 for i in (1, 2, 3)}).run_mode()
     slave = host.slave
     slave.view("fine_force")[:] = 1.0, -0.5, 0.8  # N
-    host.step(H, 1000)
-    model = slave.model
-    assert np.abs(model.centre.fine).max() > 2e-5  # m
-    assert not model.centre.speeds.any()
+    host.step(H, 1500)
+    before = bytes(kept(slave).present)
+    assert np.abs(kept(slave).present.fine).max() > 2e-5  # m
+    assert not kept(slave).moving
     for k in range(500):
         slave.view("base_force")[0] = 5.0 * np.sin(0.06 * k)  # N
         host.step(H)
-    assert slave.model is model
+    assert bytes(kept(slave).present) == before
     np.testing.assert_allclose(slave.x[:3], [3.11e-5, -1.54e-5, 2.49e-5], rtol=0.0, atol=1e-6)
 
 
 FINE = 1e-4  # s
-SAME = 1e-12  # of the largest value of each vector and state: yaw alone may be nothing but rounding
-SLEW = {"coarse_command_1": 0.01, "coarse_command_2": -0.005}  # m
-TURN = {"initial_angular_velocity__x": 0.01, "initial_angular_velocity__z": -0.02}  # rad/s
+SAME = 1e-11  # of the largest value of each vector and state: yaw alone may be nothing but rounding
 
 
-@pytest.mark.parametrize(("parameters", "inputs"), [({}, {}), ({}, SLEW), (TURN, {})], ids=["rest", "slew", "turn"])
-def test_steps_are_those_of_the_dense_map(parameters, inputs):
-    host = Host("manipulator_plant", **parameters).run_mode()
-    host.set(**inputs)
+@pytest.mark.parametrize("command", [(0.0, 0.0, 0.0), (0.012, -0.007, 0.004)])
+def test_steps_at_rest_are_those_of_the_linear_model(command):
+    """The matrices of PlantModel, with another exponential."""
+    host = Host("manipulator_plant", **{f"coarse_command_{i}": each for i, each in enumerate(command, 1)}).run_mode()
     slave, random = host.slave, np.random.default_rng(4)
-    found, expected = [], []
+    model = slave.plant.linearise(np.array(command))
+    A, B, C, D = model.matrices()
+    n, m = B.shape
+    both = scipy.linalg.expm(FINE * np.vstack([np.hstack([A, B]), np.zeros((m, n + m))]))
+    u, x, found, expected = np.zeros(m), slave.x[:n].copy(), [], []
+    u[-1] = 1.0
     for _ in range(150):
-        slave.view("base_force")[:] = 10.0 * random.standard_normal(3)
-        slave.view("fine_force")[:] = 0.1 * random.standard_normal(3)
-        x, model = slave.x.copy(), slave.model
+        u[:18] = 0.1 * random.standard_normal(18)
+        slave.u[:18] = u[:18]
         host.step(FINE)
-        operand = np.concatenate([x, slave._source[slave.n_states :]])
-        if slave.model is model:  # else an event has moved x to another centre before the step
-            expected.append(slave.step_map(FINE) @ operand)
-            found.append(slave._target.copy())
+        x = both[:n] @ np.concatenate([x, u])
+        found.append(np.concatenate([slave.y[: len(C)], slave.x[:n]]))
+        expected.append(np.concatenate([C @ x + D @ u, x]))
+    assert not kept(slave).moving
     found, expected = np.array(found), np.array(expected)
-    assert len(found) > 100
-    assert len(slave._core.maps) == 2
-    vectors = np.array([slave.layout.describe(place).partition(".")[0] for place in range(expected.shape[1])])
-    largest = np.abs(expected).max(axis=0)
-    scale = np.array([largest[vectors == name].max() for name in vectors])
-    assert (scale[: slave.y.size] > 0.0).sum() > 50
-    assert (np.abs(found - expected).max(axis=0) <= SAME * scale).all()
+    places = {**PLACE, **{f"state {k}": slice(len(C) + k, len(C) + k + 1) for k in range(n)}}
+    for name, place in places.items():
+        close = max(SAME * np.abs(expected[:, place]).max(), 1e-16)
+        np.testing.assert_allclose(found[:, place], expected[:, place], rtol=0.0, atol=close, err_msg=name)
 
-
-def test_maps_of_a_slew_share_their_patterns():
-    host = Host("manipulator_plant").run_mode()
-    slave, models, patterns = host.slave, [], []
-    for k in range(1500):
-        host.set(coarse_command_1=2e-6 * k, coarse_command_2=-1e-6 * k)
-        host.step(FINE)
-        if slave.model not in models:
-            models.append(slave.model)
-            patterns.append([each.matrix.pattern for each in slave._core.maps])
-    in_motion = [pattern for model, pattern in zip(models, patterns, strict=True) if model.centre.fine.any()]
-    assert len(in_motion) >= 3
-    assert all(one is other for pair in in_motion for one, other in zip(pair, in_motion[0], strict=True))
-
-
-def test_a_prescribed_base_keeps_one_map():
-    host = Host("manipulator_plant", base="prescribed").run_mode()
-    host.step(FINE)
-    assert len(host.slave._core.maps) == 1
-
-
-ROW = re.compile(r"\| (\w+) \| (\d+) \| (\d+) \| (\d+) \| ([\d.]+) \| ([\d.]+) \|")
-
-
-def count(model):
-    """Multiplications of a dense map, numbers in the maps that are not zero, those in blocks; kB dense, and in blocks.
-
-    At rest in the first pose, with the default step.  None: the model has no map.
-    """
-    slave = slave_class(MODELS[model])(instance_name="count")
-    slave.setup_experiment(0.0)
-    slave.enter_initialization_mode()
-    slave.exit_initialization_mode()
-    slave.do_step(0.0, slave.default_step)
-    maps = [found.matrix for found in slave._core.maps]
-    if not maps:
-        return None
-    dense = store_by_columns(slave.step_map(slave.default_step)).size
-    used = sum(int(np.count_nonzero(matrix.by_columns)) for matrix in maps)
-    blocks = sum(matrix.operations for matrix in maps)
-    return [dense, used, blocks, dense * 8e-3, blocks * 8e-3]
-
-
-def test_documented_counts():
-    counted = {model: numbers for model in MODELS if (numbers := count(model)) is not None}
-    rows = ROW.finditer((ROOT / "docs" / "developers" / "native-steps.md").read_text())
-    stated = {row[1]: [float(value) for value in row.groups()[1:]] for row in rows}
-    assert counted.keys() == stated.keys()
-    for model, numbers in counted.items():
-        assert stated[model] == pytest.approx(numbers, rel=0.02, abs=0.05), model  # zeros depend on the BLAS library
-    assert counted["ManipulatorPlant"][2] < 0.5 * counted["ManipulatorPlant"][0]

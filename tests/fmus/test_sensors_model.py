@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from support.models import Host, slave_class
+from support.models import Host
 
 from ps_fmu.mechanism.quantities import replace_values
 from ps_fmu.sensors.inertial import ACCELEROMETERS, default_sensors
@@ -49,22 +49,6 @@ def test_readings_are_those_of_the_equations():
     readings = sensors.gain * true + sensors.bias
     assert host.get(*CHANNEL) == pytest.approx(readings[:ACCELEROMETERS], rel=1e-9)
     assert host.get(*ESTIMATE) == pytest.approx(sensors.estimator[:6] @ readings, rel=1e-8)
-
-
-def test_both_forms_of_the_map_make_the_same_step(monkeypatch):
-    """Within rounding; to the bit where scale factors are 1, since the noise is added last in both."""
-
-    def make(**values):
-        host = Host("inertial_sensors", **NOISY, **values).run_mode()
-        host.set(**TURNING)
-        return run(host, 50)
-
-    errors = {"accelerometer__scale_factor_spread": 0.01, "rate_sensor__enabled": True}
-    split = make(), make(**errors)
-    monkeypatch.setattr(slave_class("inertial_sensors"), "split_map", lambda self, h: None)
-    whole = make(), make(**errors)
-    assert split[0].tobytes() == whole[0].tobytes()
-    np.testing.assert_allclose(split[1], whole[1], rtol=0.0, atol=1e-12 * np.abs(whole[1]).max())
 
 
 def test_the_first_readings_are_of_the_first_motion():

@@ -8,7 +8,7 @@ from support.models import Host, slave_class
 from ps_fmu.actuators.voice_coil import Coils, discretise
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.mechanism.quantities import replace_values
-from ps_fmu.slavekit.author.slave import ModelError
+from ps_fmu.slavekit.author.slave import ModelError, Refused
 
 H = 1e-4  # s
 QUIET = {"driver__noise": 0.0, "driver__current_resolution": 0.0}
@@ -288,7 +288,7 @@ def test_a_step_too_long_for_contacts_warns_and_refuses_the_contact_alone():
     host.step(5e-3)
     assert "unstable at steps of 0.005 s and will be refused; expected steps of at most 0.00" in host.messages()
     host.set(fine_displacement_3=-2.5e-3)
-    with pytest.raises(ModelError, match=r"fine_displacement_3 = -0.0025 m is beyond the stop at 0.002 m, and"):
+    with pytest.raises(Refused, match=r"fine_displacement_3 = -0.0025 m is beyond the stop at 0.002 m, and"):
         host.step(5e-3)
     host.set(fine_displacement_3=0.0)
     host.step(5e-3)

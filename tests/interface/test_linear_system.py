@@ -8,7 +8,8 @@ import pytest
 
 from ps_fmu.cli import main
 from ps_fmu.cosim import read_parameters, read_system
-from ps_fmu.interface.linear_system import ISOLATOR, POINTING, SOURCE, Circuit, LinearModelError, read_model
+from ps_fmu.interface.linear_system import Circuit
+from ps_fmu.interface.system_model import ISOLATOR, POINTING, SOURCE, LinearModelError, read_model
 from ps_fmu.theory.stability import UnstableError, find_common_margins, find_growing, find_unstable
 
 SYSTEM = Path(__file__).parents[2] / "system"

@@ -6,16 +6,15 @@ import numpy as np
 import pytest
 from support.mechanics import PAPER, other_geometry, rigid
 
-from ps_fmu.mechanism.convection import COARSE, FINE, TURN, convective_forces
-from ps_fmu.mechanism.dynamics import FlexibleSystem, Pose
-from ps_fmu.mechanism.kinematics import forward_kinematics, jacobians
-from ps_fmu.mechanism.momentum import find_momentum
+from ps_fmu.mechanism.compiled import N_MOVING_INPUTS, Mechanism, Place
+from ps_fmu.mechanism.kinematics import forward_kinematics
 from ps_fmu.mechanism.rotations import rotation_from_vector
 
 RANDOM = np.random.default_rng(8)
 LENGTHS = np.array([4e-3, -3e-3, 2e-3, 4e-4, -8e-4, 5e-4])  # m, from nominal; coarse legs, fine legs
 SPEEDS = np.concatenate([0.02 * RANDOM.normal(size=3), 0.3 * RANDOM.normal(size=3), 0.05 * RANDOM.normal(size=3)])
 VELOCITY = np.array([0.1, -0.2, 0.3])  # m/s
+FINE, TURN, COARSE = slice(0, 3), slice(3, 6), slice(6, 9)  # of SPEEDS: m/s, rad/s, m/s
 SYSTEMS = {"paper": rigid(), "another geometry": other_geometry(0)}
 
 
@@ -69,80 +68,50 @@ def differentiate(p, order):
     return sum(w * x for w, x in zip(weights, at, strict=True)) / h**order
 
 
-def system_of(p):
-    system = FlexibleSystem(p.manipulator, p.payload, p.bus)
-    found = forward_kinematics(p.manipulator.geometry, p.manipulator.geometry.nominal_lengths + LENGTHS)
-    return system, Pose(found.translation_B, found.R)
+def evaluate(p, speeds=SPEEDS, velocity=VELOCITY):
+    """The mechanism at LENGTHS with all accelerations held at zero: its motion, state and all that there is."""
+    mechanism, geometry = Mechanism(p.manipulator, p.payload, p.bus), p.manipulator.geometry
+    mechanism.struct.mask[:] = [0.0] * 12
+    mechanism.struct.leg_stiffness[:] = mechanism.struct.leg_damping[:] = [0.0] * 6
+    found, n = forward_kinematics(geometry, geometry.nominal_lengths + LENGTHS), mechanism.n
+    x = np.zeros(mechanism.n_states)
+    x[n : n + 3], x[n + 3 : n + 6], x[n + 6 : n + 9], x[2 * n + 3 : 2 * n + 6] = np.split(
+        np.concatenate([speeds[:3], velocity, speeds[3:]]), 4
+    )
+    pose = found.translation_B, found.R
+    place = Place.of(*pose, pose, np.array([1.0, 0.0, 0.0, 0.0]))
+    return mechanism, x, mechanism.evaluate(place, x, np.zeros(N_MOVING_INPUTS))
 
 
 @pytest.mark.parametrize("name", SYSTEMS)
 def test_force_and_torque_on_the_whole_are_those_of_its_point_masses(name):
     p = SYSTEMS[name]
-    system, pose = system_of(p)
     mass, place = point_masses(p, 0.0)
     force = mass[:, None] * differentiate(p, 2)
     expected = np.concatenate([force.sum(axis=0), np.cross(place, force).sum(axis=0)])
-    d = system.at(pose)
-    found = (convective_forces(system, d, SPEEDS) @ SPEEDS)[d.slices["q_b"]]
-    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-6 * np.abs(expected).max())
+    _, _, point = evaluate(p)
+    np.testing.assert_allclose(point.read("reaction", 6), expected, rtol=0.0, atol=1e-6 * np.abs(expected).max())
 
 
 @pytest.mark.parametrize("name", SYSTEMS)
 def test_momentum_is_that_of_its_point_masses(name):
     p = SYSTEMS[name]
-    system, pose = system_of(p)
     mass, place = point_masses(p, 0.0)
     momentum = mass[:, None] * differentiate(p, 1)
     expected = np.concatenate([momentum.sum(axis=0), np.cross(place, momentum).sum(axis=0)])
-    found, com_B = find_momentum(system, pose, VELOCITY, SPEEDS)
+    mechanism, x, point = evaluate(p)
+    found, total, com_B = mechanism.find_momentum(point, x)
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-9 * np.abs(expected).max())
     np.testing.assert_allclose(com_B, mass @ place / mass.sum(), rtol=0.0, atol=1e-14)
-
-
-def test_convective_forces_take_no_more_power_than_the_masses_change():
-    """While no speed changes, the kinetic energy changes by the power of the convective forces."""
-    p = SYSTEMS["paper"]
-    system, pose = system_of(p)
-    d, h = system.at(pose), 1e-5  # s
-    rate = np.zeros(d.n)
-    rate[d.slices["d_f"]], rate[d.base_places()[1]], rate[d.slices["e_c"]] = SPEEDS[FINE], SPEEDS[TURN], SPEEDS[COARSE]
-    energy = []
-    for time in (-h, h):
-        lengths = LENGTHS + time * np.concatenate([SPEEDS[COARSE], SPEEDS[FINE]])
-        found = forward_kinematics(p.manipulator.geometry, p.manipulator.geometry.nominal_lengths + lengths)
-        energy.append(0.5 * rate @ system.at(Pose(found.translation_B, found.R)).M @ rate)
-    power = rate @ convective_forces(system, d, SPEEDS) @ SPEEDS
-    assert power == pytest.approx((energy[1] - energy[0]) / (2.0 * h), rel=1e-5)
-    assert abs(power) > 1e-3  # W
-
-
-def test_the_form_is_symmetric_and_vanishes_at_rest():
-    system, pose = system_of(PAPER)
-    d, other = system.at(pose), np.roll(SPEEDS, 2)
-    one, two = convective_forces(system, d, SPEEDS) @ other, convective_forces(system, d, other) @ SPEEDS
-    np.testing.assert_allclose(one, two, rtol=1e-9, atol=1e-12)
-    assert not convective_forces(system, d, np.zeros(9)).any()
-
-
-def test_momentum_takes_jacobians_that_are_known():
-    """The legs of the forward kinematics are those of its pose."""
-    system, _ = system_of(PAPER)
-    geometry = system.manipulator.geometry
-    found = forward_kinematics(geometry, geometry.nominal_lengths + LENGTHS)
-    J, pose = jacobians(geometry, found.translation_B, found.R, found.legs), Pose(found.translation_B, found.R)
-    with_them, without = find_momentum(system, pose, VELOCITY, SPEEDS, J), find_momentum(system, pose, VELOCITY, SPEEDS)
-    for ours, theirs in zip(with_them, without, strict=True):
-        np.testing.assert_array_equal(ours, theirs)
+    assert total == pytest.approx(mass.sum(), rel=1e-14)
 
 
 def test_a_body_that_only_turns_needs_centripetal_and_gyroscopic_forces():
     """The mechanism is so light here that the bus alone is left: w x I w, and m w x (w x c)."""
     bus = replace(PAPER.bus, mass=1e9, inertia_B=1e9 * np.diag([3.0, 4.0, 5.0]), com_B=np.array([0.0, 0.0, -2.0]))
-    system, pose = system_of(replace(rigid(), bus=replace(bus, modes=())))
     w = np.array([0.1, 0.2, -0.3])  # rad/s
-    d = system.at(pose)
     speeds = np.concatenate([np.zeros(3), w, np.zeros(3)])
+    _, _, point = evaluate(replace(rigid(), bus=replace(bus, modes=())), speeds)
     force = 1e9 * np.cross(w, np.cross(w, bus.com_B))
     torque = np.cross(bus.com_B, force) + np.cross(w, bus.inertia_B @ w)
-    found = (convective_forces(system, d, speeds) @ speeds)[d.slices["q_b"]]
-    np.testing.assert_allclose(found, np.concatenate([force, torque]), rtol=1e-6, atol=100.0)
+    np.testing.assert_allclose(point.read("reaction", 6), np.concatenate([force, torque]), rtol=1e-6, atol=100.0)

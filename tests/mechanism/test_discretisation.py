@@ -1,15 +1,19 @@
 """Steps with held inputs against the exponential of scipy and closed forms."""
 
-from dataclasses import replace
+import ctypes
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy.linalg import expm, matrix_balance
 
-from ps_fmu.mechanism.centre import Centre
-from ps_fmu.mechanism.discretisation import find_scale, zero_order_hold
+from ps_fmu.mechanism.discretisation import first_order_hold, zero_order_hold
 from ps_fmu.mechanism.linear_model import Plant
 from ps_fmu.mechanism.parameters import load
+from ps_fmu.numerics.library import Discretisation, find_library
+from ps_fmu.slavekit.author.blocks import store_by_columns
+from ps_fmu.slavekit.author.buffer import allocate_aligned
 
 
 def by_scipy(A, B, h):
@@ -37,34 +41,13 @@ def test_oscillators_of_all_speeds(h):
         assert np.abs((ours - theirs) / sizes).max() < 1e-10
 
 
-@pytest.mark.parametrize("h", [1e-6, 1e-4, 1e-2, 0.1])
-def test_a_scale_of_another_step_and_another_system_serves(h):
-    A, B = oscillators([0.01, 1.0, 30.0, 900.0])
-    scale = find_scale(oscillators([0.02, 0.5, 50.0, 600.0], 0.1)[0], 0.01)
-    assert scale.max() > 4.0 * scale.min()
-    for ours, theirs in zip(zero_order_hold(A, B, h, scale), by_scipy(A, B, h), strict=True):
-        sizes = np.maximum(np.abs(theirs).max(axis=1, keepdims=True), 1e-300)
-        assert np.abs((ours - theirs) / sizes).max() < 1e-10
-
-
-def test_a_scale_changes_no_bit_of_a_short_step():
-    plant = Plant.from_parameters(load())
-    coarse = np.array([0.01, -0.02, 0.005])
-    moving = replace(Centre.at_rest(coarse), speeds=np.linspace(-0.02, 0.02, 9), velocity_B=np.array([0.1, 0.2, 0.3]))
-    A, B, _, _ = plant.linearise_about(moving).matrices()
-    found = [zero_order_hold(A, B, 1e-4, scale) for scale in (None, plant.scale, find_scale(A, 1e-3))]
-    for Ad, Bd in found[1:]:
-        assert (Ad.tobytes(), Bd.tobytes()) == (found[0][0].tobytes(), found[0][1].tobytes())
-
-
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
-@pytest.mark.parametrize("scale", [None, np.array([1.0, 4.0])])
-def test_what_is_not_finite_leads_to_nothing_finite(bad, scale):
+def test_what_is_not_finite_leads_to_nothing_finite(bad):
     A, B = np.array([[0.0, 1.0], [-4.0, -0.1]]), np.ones((2, 1))
     for place in ((0, 0), (1, 0)):
         wrong = A.copy()
         wrong[place] = bad
-        for result in (*zero_order_hold(wrong, B, 0.1, scale), *zero_order_hold(A, B * bad, 0.1, scale)):
+        for result in (*zero_order_hold(wrong, B, 0.1), *zero_order_hold(A, B * bad, 0.1)):
             assert np.isnan(result).all()
 
 
@@ -109,6 +92,60 @@ def test_units_of_powers_of_two_change_no_bit():
     assert in_units[1].tobytes() == (Bd / units[:, None]).tobytes()
 
 
+@st.composite
+def systems(draw: st.DrawFn) -> tuple[np.ndarray, np.ndarray, float]:
+    """Small ones of all kinds: dense, chains of integrators, stiff, zero; and a step, s."""
+    n, m, random = draw(st.integers(1, 20)), draw(st.integers(0, 4)), np.random.default_rng(draw(st.integers(0, 2**32)))
+    kind = draw(st.sampled_from(["dense", "integrators", "stiff", "zero"]))
+    A = {
+        "dense": random.standard_normal((n, n)),
+        "integrators": np.diag(np.ones(n - 1), 1),
+        "stiff": -np.diag(10.0 ** random.uniform(-3, 3, n)) + 0.1 * random.standard_normal((n, n)),
+        "zero": np.zeros((n, n)),
+    }[kind]
+    return A, random.standard_normal((n, m)), draw(st.sampled_from([1e-6, 1e-4, 1e-2, 0.5]))
+
+
+@settings(max_examples=150, deadline=None)
+@given(systems())
+def test_held_and_growing_inputs_against_scipy(system):
+    """By an exponential of state, input and its rate; in norm 1e-14, more where scipy doubles often itself."""
+    A, B, h = system
+    n, m = B.shape
+    augmented = np.zeros((n + 2 * m, n + 2 * m))
+    augmented[:n, :n], augmented[:n, n : n + m] = A * h, B * h
+    augmented[n : n + m, n + m :] = np.eye(m)
+    expected = expm(augmented)[:n]
+    size = max(1.0, np.abs(A * h).sum(axis=0).max())
+    found = first_order_hold(A, B, h)
+    for ours, theirs in zip(found, np.split(expected, [n, n + m], axis=1), strict=True):
+        assert np.abs(ours - theirs).max(initial=0.0) <= 1e-14 * size * max(np.abs(theirs).max(initial=0.0), 1e-300)
+    for ours, again in zip(found, zero_order_hold(A, B, h), strict=False):
+        np.testing.assert_allclose(ours, again, rtol=1e-13, atol=1e-13 * np.abs(ours).max(initial=0.0))
+
+
+@pytest.mark.parametrize("budget", [1, 3000])
+@pytest.mark.parametrize("ramp", [False, True])
+def test_parts_make_the_same_bits_as_the_whole(budget, ramp):
+    """A part takes no more than a column beyond its budget."""
+    A, B = oscillators([0.5, 20.0, 300.0, 900.0])
+    library, (n, m) = find_library(), B.shape
+    found, parts = [], 0
+    for each in (2**62, budget):
+        matrices = [store_by_columns(matrix) for matrix in (A, B)]
+        results = [allocate_aligned(*matrix.shape) for matrix in (*matrices, *matrices[1:] * ramp)]
+        arrays = [*matrices, *results, *[None] * (not ramp), allocate_aligned(library.discretise_room(n))]
+        addresses = [None if array is None else array.ctypes.data for array in arrays]
+        work = Discretisation(n, m, matrices[0].shape[1], 0.01, *addresses)
+        library.discretise_begin(ctypes.byref(work))
+        while (answer := library.discretise(ctypes.byref(work), each)) == 0:
+            parts += 1
+        assert answer == 1 and work.halvings > 2
+        found.append([result.tobytes() for result in results])
+    assert found[0] == found[1]
+    assert parts > 12_000 / max(budget, n * n)
+
+
 def test_a_system_without_states():
     Ad, Bd = zero_order_hold(np.zeros((0, 0)), np.zeros((0, 4)), 1e-4)
     assert (Ad.shape, Bd.shape) == ((0, 0), (0, 4))
@@ -150,12 +187,10 @@ def test_huge_units(size):
     np.testing.assert_allclose(Bd[:, 0], [1.0 - np.cos(0.1), np.sin(0.1) / size], rtol=1e-13)
 
 
-def test_the_plant_in_motion():
+def test_the_plant():
     """States from 1e-7 m to 1e3 rad/s**2 apart: against the exponential of the system in balanced units."""
     plant = Plant.from_parameters(load())
-    centre = Centre.at_rest(np.array([4e-3, -4e-3, 1e-4]))
-    centre = replace(centre, fine=np.array([1e-5, 2e-5, -1e-5]), speeds=np.repeat([1e-4, 1e-2, 4e-3], 3))
-    A, B, _, _ = plant.linearise_about(centre).matrices()
+    A, B, _, _ = plant.linearise(np.array([4e-3, -4e-3, 1e-4])).matrices()
     balanced, (scale, _) = matrix_balance(A, permute=False, separate=True)
     for ours, theirs in zip(
         zero_order_hold(A, B, 1e-4), by_scipy(balanced, B / scale[:, None], 1e-4), strict=True

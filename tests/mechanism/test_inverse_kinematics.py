@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,18 +12,14 @@ from support.claims import verify_claim
 
 from ps_fmu.mechanism.inverse_kinematics import (
     NotConvergedError,
-    descend,
     inverse_kinematics,
+    make_algorithm_1,
     reachable,
     step_size_bound,
-    stroke_margin,
-    trilaterate,
     why_unreachable,
-    within_stroke,
 )
 from ps_fmu.mechanism.kinematics import ForwardKinematicsError, KinematicsError, forward_kinematics, leg_lengths
 from ps_fmu.mechanism.parameters import load
-from ps_fmu.mechanism.rotations import rotation_matrix
 
 GEOMETRY = load().manipulator.geometry
 REFERENCE = json.loads((Path(__file__).parents[1] / "data" / "multibody-reference.json").read_text())["cases"]
@@ -102,8 +97,8 @@ def test_trilateration_takes_the_nominal_side():
     upside_down = replace(GEOMETRY, nominal_translation_B=GEOMETRY.nominal_translation_B * [1, 1, -1])
     # A mirrored mechanism: base joints at the same height, so that only the side differs.
     flat = GEOMETRY.base_joints_B * [1, 1, 0]
-    above = trilaterate(replace(GEOMETRY, base_joints_B=flat), np.eye(3))
-    below = trilaterate(replace(upside_down, base_joints_B=flat), np.eye(3))
+    above = inverse_kinematics(replace(GEOMETRY, base_joints_B=flat), np.zeros(3))
+    below = inverse_kinematics(replace(upside_down, base_joints_B=flat), np.zeros(3))
     np.testing.assert_allclose(above.translation_B, GEOMETRY.nominal_translation_B, atol=1e-15)
     np.testing.assert_allclose(below.translation_B, -GEOMETRY.nominal_translation_B, atol=1e-15)
 
@@ -112,36 +107,27 @@ def test_trilateration_takes_the_nominal_side():
 def test_algorithm_1_within_its_error_limit(epsilon, within_deg):
     _, forward = workspace()
     command = forward.orientation
-    solution = inverse_kinematics(GEOMETRY, command, partial(descend, epsilon=epsilon))
+    solution = inverse_kinematics(GEOMETRY, command, make_algorithm_1(epsilon=epsilon))
     assert solution.residual.max() < epsilon
     assert 20 < solution.iterations < 150
     reached = forward_kinematics(GEOMETRY, lengths_of(solution.coarse_displacement)).orientation
     assert np.degrees(np.abs(reached - command)).max() < within_deg
 
 
-def test_algorithm_1_of_a_batch_equals_single_runs():
-    R = workspace(20)[1].R
-    batch = descend(GEOMETRY, R)
-    for i in (0, 7, 19):
-        alone = descend(GEOMETRY, R[i]).translation_B
-        np.testing.assert_allclose(batch.translation_B[i], alone, rtol=0, atol=1e-15)
-
-
 def test_algorithm_1_refuses_a_step_size_beyond_its_bound():
-    R = np.eye(3)
-    bound = step_size_bound(GEOMETRY, GEOMETRY.nominal_translation_B, R)
+    bound = step_size_bound(GEOMETRY, GEOMETRY.nominal_translation_B, np.eye(3))
     assert 0.79 < bound < 0.84
-    with pytest.raises(KinematicsError, match=r"2/lambda_max.*0\.83"):
-        descend(GEOMETRY, rotation_matrix(np.radians([1.0, 0.0, 0.0])), mu=0.9)
+    with pytest.raises(KinematicsError, match=rf"2/lambda_max.*{bound:.4f}"):
+        inverse_kinematics(GEOMETRY, np.zeros(3), make_algorithm_1(mu=0.9))
     with pytest.raises(KinematicsError, match="0 < mu"):
-        descend(GEOMETRY, R, mu=0.0)
+        inverse_kinematics(GEOMETRY, np.zeros(3), make_algorithm_1(mu=0.0))
     with pytest.raises(KinematicsError, match="epsilon > 0"):
-        descend(GEOMETRY, R, epsilon=0.0)
+        make_algorithm_1(epsilon=0.0)
 
 
 def test_algorithm_1_reports_what_was_left_when_it_does_not_converge():
     with pytest.raises(NotConvergedError, match=r"3 iterations.*expected less than 1\.0e-06 m") as caught:
-        descend(GEOMETRY, rotation_matrix(np.radians([8.5, 0.0, 0.0])), max_iterations=3)
+        inverse_kinematics(GEOMETRY, np.radians([8.5, 0.0, 0.0]), make_algorithm_1(max_iterations=3))
     assert 1e-4 < caught.value.residual < 2e-2
 
 
@@ -167,22 +153,11 @@ def test_centres_on_a_line_are_a_clear_result():
 
 def test_stroke_names_the_leg_and_the_excess():
     pose = inverse_kinematics(GEOMETRY, np.radians([9.98, 0.0, 0.0]))
-    assert pose.solved and not within_stroke(GEOMETRY, pose.coarse_displacement)
-    margin = stroke_margin(GEOMETRY, pose.coarse_displacement)
-    assert margin.argmin() == 1 and margin.min() == pytest.approx(-2.9907e-3, abs=1e-7)
+    assert pose.solved and not reachable(GEOMETRY, pose)
     text = str(why_unreachable(GEOMETRY, pose))
     assert "coarse leg 2 would need -22.9907 mm, 2.991 mm beyond its stroke of -20 to +20 mm" in text
     assert "at roll 9.9800, pitch 0.0000, yaw 0.0000 deg" in text
     assert why_unreachable(GEOMETRY, inverse_kinematics(GEOMETRY, np.zeros(3))) is None
-
-
-def test_stroke_margin_is_that_of_the_nearer_end():
-    geometry = replace(GEOMETRY, coarse_stroke=np.array([-0.01, 0.03]))
-    d_c = np.array([[-0.009, 0.0, 0.029], [-0.012, 0.01, 0.0], [0.0, 0.01, 0.034]])
-    np.testing.assert_allclose(
-        stroke_margin(geometry, d_c), [[0.001, 0.01, 0.001], [-0.002, 0.02, 0.01], [0.01, 0.02, -0.004]], atol=1e-17
-    )
-    assert within_stroke(geometry, d_c).tolist() == [True, False, False]
 
 
 def test_the_end_of_the_stroke_counts_as_within():

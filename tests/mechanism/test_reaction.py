@@ -8,7 +8,7 @@ from support.claims import verify_claim
 
 from ps_fmu.mechanism.inverse_kinematics import inverse_kinematics
 from ps_fmu.mechanism.linear_model import Plant
-from ps_fmu.mechanism.momentum import find_reaction
+from ps_fmu.mechanism.reaction import find_reaction
 from ps_fmu.mechanism.parameters import load
 
 PLANT = Plant.from_parameters(load())

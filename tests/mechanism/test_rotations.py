@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from support.mechanics import to_rotation_matrix
 
-from ps_fmu.mechanism.centre import InitialMotion
+from ps_fmu.mechanism.initial_motion import InitialMotion
 from ps_fmu.mechanism.quantities import ParameterError
 from ps_fmu.mechanism.rotations import (
     GimbalLockError,

@@ -58,8 +58,7 @@ def make_jumping_wheel():
 def make_errors(interval=1e-4, step=1):
     """Several blocks of white noise and of the drift; gaps and biases; over the RMS, as channels differ in size."""
     changes = {"rate_sensor.enabled": True, "accelerometer_2.enabled": False, "accelerometer_3.bias": 1e-6}
-    noise = replace_values(default_sensors(), changes).make_noise(interval)
-    errors = noise(np.arange(6000, 20_000, step))
+    errors = replace_values(default_sensors(), changes).compute_errors(interval, np.arange(6000, 20_000, step))
     return errors / np.maximum(errors.std(axis=0), 1e-300)
 
 
@@ -70,7 +69,7 @@ def read_table():
 
 MAKERS = {
     "noise": make_noise,
-    "noise without a compiled transform": lambda: make_noise(37.3),
+    "noise on a finer grid": lambda: make_noise(37.3),
     "wheel": make_wheel,
     "wheel with short ramps": make_jumping_wheel,
     "steady wheel": lambda: make_wheel(200.0),
@@ -124,6 +123,15 @@ def test_extreme_random_numbers():
         radius, angle = np.sqrt(-2.0 * np.log1p(-numbers[0])), 2.0 * np.pi * numbers[1]
         np.testing.assert_allclose(terms[:, 0, 0], radius * np.cos(angle), rtol=0.0, atol=5e-15)
         np.testing.assert_allclose(terms[:, 1, 0], radius * np.sin(angle), rtol=0.0, atol=5e-15)
+
+
+def test_exponential():
+    """With the bits of all instructions; relatively as exact for small exponents."""
+    small = np.geomspace(1e-300, 1.0, 400)
+    x = np.concatenate([[0.0, -1e9, -700.5], np.linspace(-699.0, 690.0, 4001), small, -small])
+    found = np.array([[arithmetic.exponential_less_one(value) for value in x.tolist()] for arithmetic in KNOWN])
+    assert (found == found[0]).all()
+    np.testing.assert_allclose(found[0], np.expm1(x), rtol=5e-16, atol=0.0)
 
 
 @pytest.mark.parametrize("numbers", [(0,), (3, 1, 2), (7, 2**32 - 1, 2**32, 5), (2**200 + 9, 1)])

@@ -13,12 +13,16 @@ from ps_fmu.actuators.voice_coil import WhiteNoise
 from ps_fmu.disturbance import gaussian, multisine
 from ps_fmu.disturbance.gaussian import GaussianNoise
 from ps_fmu.disturbance.multisine import Multisine
-from ps_fmu.numerics.normal import Stream, make_key, make_words, seed
+from ps_fmu.numerics.normal import Stream, make_key, make_words
 from ps_fmu.sensors import errors, line_of_sight
 from ps_fmu.sensors.errors import NoiseModel, SensorNoise
-from ps_fmu.sensors.line_of_sight import DEFAULT_TRACKER, TrackerNoise
+from ps_fmu.sensors.line_of_sight import DEFAULT_TRACKER
 
 NUMBERS = range(3)
+
+
+def seed(words):
+    return np.random.SeedSequence(list(words))
 
 
 def _list_keys() -> Iterator[tuple[int, ...]]:
@@ -58,7 +62,7 @@ def test_components_with_equal_seeds_share_no_key(monkeypatch):
     GaussianNoise(np.eye(6), band, 1)(times)
     Multisine(np.eye(6), band, 1)
     WhiteNoise(1, 3)(0, 1024)
-    TrackerNoise(DEFAULT_TRACKER)(np.arange(3))
+    DEFAULT_TRACKER.noise(np.arange(3))
     for kind in (1, 2):
         SensorNoise(NoiseModel(1.0, 2.0, 0.5), 3, 1e-3, seed=1, kind=kind)(np.arange(600))
     assert {words[0] >> 8 for words in given} >= set(Stream) - {Stream.WHEEL, Stream.SENSOR_SPREAD}

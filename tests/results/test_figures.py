@@ -237,14 +237,14 @@ def test_figures_that_cannot_be_drawn_say_why(tmp_path):
         with pytest.raises(OSError, match=r"No such file.*nowhere"):
             wait()
     with Painter() as painter:  # one that nobody asks
-        processes = painter._processes
-    assert [process.returncode for process in processes] == [-signal.SIGKILL] * figures.PAINTERS
+        process = painter._process
+    assert process.returncode == -signal.SIGKILL
 
 
 def test_figures_of_a_process_that_is_killed_are_drawn_here(tmp_path):
     with Painter() as painter:
         wait = painter.begin(make_exploration(), tmp_path)
-        painter._processes[0].kill()
+        painter._process.kill()
         assert [one.path.name for one in wait()] == ["a.png", "b.png", "c.png"]
     assert all((tmp_path / name).is_file() for name in ("a.png", "b.png", "c.png"))
 

@@ -11,7 +11,8 @@ from support.claims import verify_claim
 import ps_fmu
 from ps_fmu.cli import main
 from ps_fmu.cosim import Column, read_system
-from ps_fmu.interface.linear_system import ISOLATOR, Circuit, read_model
+from ps_fmu.interface.linear_system import Circuit
+from ps_fmu.interface.system_model import ISOLATOR, read_model
 from ps_fmu.pointing.response import find_growth
 from ps_fmu.runs.built_fmus import find_built_folder
 from ps_fmu.runs.divergence import Divergence, Runaway

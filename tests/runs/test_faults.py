@@ -79,9 +79,9 @@ def test_a_run_of_any_system_says_what_acted_and_marks_it(oscillator, tmp_path, 
 @pytest.mark.parametrize(
     ("event", "more", "code", "text"),
     [
-        ({"model": "maas"}, (), 1, r"faults.json: events[0]: model: the system has no component 'maas'"),
+        ({"model": "maas"}, (), 1, r"faults.json: events[0]: model: there is no component 'maas' in the system"),
         ({"action": "stick"}, (), 1, r"faults.json: events[0].action: expected one of override"),
-        ({"time": 1.0}, (), 1, "events[0]: time 1 s is not before the end of the run, 1 s after its start"),
+        ({"time": 1.0}, (), 1, "time: expected a time before the end of the run, 1 s after its start, got 1 s"),
         ({}, ("--faults", "none.json"), 2, "--faults: there is no file none.json"),
     ],
 )

@@ -185,7 +185,7 @@ def test_what_does_not_go_on_says_why_and_loses_nothing(stopped, run, tmp_path):
     results = (stopped / "results.nc").read_bytes()
     code, said = run("--resume", stopped, "--no-figures")
     assert code == 1
-    assert "another step (s): 0.0001 there, 0.0002 here" in said
+    assert "the step (s) is 0.0001 in the checkpoint and 0.0002 in this run" in said
     assert (stopped / "results.nc").read_bytes() == results
     kept.write_text(text)
     code, said = run("--resume", stopped, "--no-figures")
@@ -266,7 +266,7 @@ def test_a_damaged_checkpoint_says_what_helps(inputs, undisturbed, stopped, run)
     torn = bytearray(whole[journal])
     torn[len(torn) // 2] ^= 1
     zips = {path: b"torn" for path in whole if path != journal}
-    for damage, words in (({journal: torn}, "is damaged"), ({journal: None}, "No such file"), (zips, "damaged one")):
+    for damage, words in (({journal: torn}, "is damaged"), ({journal: None}, "No such file"), (zips, "or is damaged")):
         for path, content in {**whole, **damage}.items():
             path.unlink(missing_ok=True) if content is None else path.write_bytes(content)
         code, said = run("--resume", stopped, "--no-figures")

@@ -14,15 +14,16 @@ from scipy.signal import welch
 from support.claims import verify_claim
 from support.reports import VERDICTS
 
+from ps_fmu.cosim import Column, Recorder
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.paper.figures.table2 import runs as table2_runs
 from ps_fmu.runs.run import execute
 from ps_fmu.runs.setup import load_system
+from ps_fmu.runs.stored_rows import MOTION, KeptRows, watch_motion
 from ps_fmu.scenarios import isolation
 from ps_fmu.scenarios import pointing_report as pointing
 from ps_fmu.scenarios.exploration import (
     FEWEST_ROWS,
-    MOTION,
     chart_settled,
     read_geometry,
     read_motion,
@@ -164,7 +165,7 @@ def test_another_plant_without_the_joints_is_not_drawn(make_options, tmp_path):
     system = load_system(make_options("isolation", 0.02, step_s=1e-3))
     plant = system.descriptions["plant"] = copy(system.descriptions["plant"])  # others keep the one that was read
     plant.modelVariables = [each for each in plant.modelVariables if each.name != "fine_leg_3.platform_joint.z"]
-    assert show_mechanism(system, tmp_path / "none.nc", [("passive", "passive")]) is None
+    assert show_mechanism(system, [("passive", "passive")]) is None
 
 
 def test_a_slew_is_played_along_its_nominal_pose(make_options, ssv):
@@ -192,19 +193,25 @@ def test_the_verdicts_of_a_scenario_head_its_report(make_options, monkeypatch):
     assert 0 < page.index("NOT MET") < page.index("FMUs in co-simulation: ")
 
 
-def test_motion_of_a_long_run_is_read_in_parts(tmp_path, monkeypatch):
-    monkeypatch.setattr("ps_fmu.scenarios.exploration.READ_ROWS", 7000)
-    values = np.random.default_rng(2).normal(0.0, 1.0, (len(MOTION), 16_000))
-    with netCDF4.Dataset(tmp_path / "results.nc", "w") as file:
-        group = file.createGroup("run")
-        group.createDimension("time", None)
-        for name, column in zip(("time", *MOTION), (1e-3 * np.arange(16_000), *values), strict=True):
-            variable = group.createVariable(name, "f8", ("time",))
-            variable.units, variable[:] = "1", column
-    with netCDF4.Dataset(tmp_path / "results.nc") as file:
-        motion = read_motion(file["run"])
-    np.testing.assert_allclose(motion.values, values.reshape(len(MOTION), 4000, 4).mean(axis=2), rtol=1e-9, atol=1e-12)
+@pytest.mark.parametrize("kept", [False, True])
+def test_motion_of_a_long_run_is_averaged(tmp_path, make_options, kept):
+    """In parts as they are stored in a file, or of rows in memory."""
+    time, values = 1e-3 * np.arange(16_000), np.random.default_rng(2).normal(0.0, 1.0, (16_000, len(MOTION)))
+    columns = [Column(name, "1", "Real", "") for name in MOTION]
+    system = replace(load_system(make_options("isolation", 0.02, step_s=1e-3)), kept=KeptRows() if kept else None)
+    if kept:
+        recorder = system.kept.record("run", columns, 1e-3, 1e-3, MOTION, {})
+    else:
+        recorder = Recorder(tmp_path / "results.nc", "run", columns=columns, step=1e-3)
+        recorder.watching.append(system.motions.setdefault("run", watch_motion(recorder.columns)))
+    with recorder:
+        for part in np.split(np.arange(16_000), [7000, 9000]):
+            recorder.block(part[0], time[part], values[part])
+    motion = read_motion(system, "run")
+    expected = values.reshape(4000, 4, len(MOTION)).mean(axis=1)
+    np.testing.assert_allclose(motion.values.T, expected, rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(motion.time, 4e-3 * np.arange(4000))
+    assert watch_motion(columns[1:]) is None
 
 
 def test_an_explored_run_too_short_for_a_spectrum_has_none(make_options):

@@ -108,8 +108,8 @@ def test_constant_errors_are_stated_or_drawn():
 def test_noise_is_that_of_each_channel_alone():
     """To switch on another sensor changes no other's noise; those that are off have none."""
     index = np.arange(1000)
-    noise = default_sensors().make_noise(1e-3)(index)
-    more = with_values(accelerometer_11__enabled=True, rate_sensor__enabled=True).make_noise(1e-3)(index)
+    noise = default_sensors().compute_errors(1e-3, index)
+    more = with_values(accelerometer_11__enabled=True, rate_sensor__enabled=True).compute_errors(1e-3, index)
     np.testing.assert_array_equal(more[:, :9], noise[:, :9])
     assert noise[:, 9:].any() == 0 and more[:, [10, 12, 13, 14]].all() and noise.shape == (1000, CHANNELS)
 
@@ -118,7 +118,7 @@ def test_errors_are_noise_and_bias_and_zero_in_gaps():
     """Of samples side by side, and of a few far apart."""
     sensors = with_values(accelerometer_2__enabled=False, accelerometer_3__bias=1e-3, rate_sensor__enabled=True)
     for index in (np.arange(300, 900), np.array([5, 5000, 5001, 10**7])):
-        found = sensors.make_noise(1e-3)(index)
+        found = sensors.compute_errors(1e-3, index)
         linear = SensorNoise(sensors.accelerometer.noise, 9, 1e-3, sensors.seed, 1)(index)
         rates = SensorNoise(sensors.rate_sensor.noise, 3, 1e-3, sensors.seed, 2)(index)
         linear[:, 2] += 1e-3
@@ -128,7 +128,7 @@ def test_errors_are_noise_and_bias_and_zero_in_gaps():
 
 def test_noise_of_the_estimate_goes_through_the_lever_arms():
     sensors = with_values(accelerometer__bias_instability=0.0)
-    readings = sensors.make_noise(1e-4)(np.arange(50_000))
+    readings = sensors.compute_errors(1e-4, np.arange(50_000))
     covariance = np.cov((readings @ sensors.estimator[:6].T).T)
     expected = sensors.estimator[:6] @ sensors.estimator[:6].T * 9.6e-8**2 / 2e-4
     assert covariance == pytest.approx(expected, abs=0.03 * expected.max())

@@ -11,7 +11,6 @@ from ps_fmu.sensors.line_of_sight import (
     DEFAULT_TRACKER,
     PAIRS,
     SECOND_PAIRS,
-    Lock,
     line_of_sight_error,
     relative_rows,
 )
@@ -63,28 +62,6 @@ def test_the_roll_is_measured_on_request_alone():
     assert not replace(DEFAULT_TRACKER, roll_measured=False).noise(np.arange(10))[:, 2].any()
 
 
-IN, NEAR, OUT = np.array([[0.3, 0.0, 0.0, 0.0], [0.0, -0.8, 0.0, 0.0], [1.2, 0.0, 0.0, 0.0]])
-
-
-@pytest.mark.parametrize(
-    ("lock", "place", "visible", "elapsed", "then"),
-    [
-        (Lock.SEARCHING, IN, True, 0.0, Lock.ACQUIRING),
-        (Lock.SEARCHING, NEAR, True, 0.0, Lock.SEARCHING),
-        (Lock.SEARCHING, IN, False, 0.0, Lock.SEARCHING),
-        (Lock.ACQUIRING, IN, True, 0.4, Lock.ACQUIRING),
-        (Lock.ACQUIRING, IN, True, 0.5, Lock.LOCKED),
-        (Lock.ACQUIRING, NEAR, True, 0.5, Lock.SEARCHING),
-        (Lock.LOCKED, NEAR, True, 0.0, Lock.LOCKED),
-        (Lock.LOCKED, OUT, True, 0.0, Lock.SEARCHING),
-        (Lock.LOCKED, np.array([0.0, 0.0, 2.0, 0.0]), True, 0.0, Lock.SEARCHING),  # behind the sensor
-        (Lock.LOCKED, IN, False, 0.0, Lock.SEARCHING),
-    ],
-)
-def test_lock(lock, place, visible, elapsed, then):
-    assert DEFAULT_TRACKER.judge(lock, place, visible, elapsed) is then
-
-
 def test_the_place_in_the_field():
     """At the edge of the field it is 1; a target behind is at 2; quaternions that are no units have no place."""
     q = from_rotation_matrix(rotation_from_vector(TURNS[2]))
@@ -92,37 +69,15 @@ def test_the_place_in_the_field():
 
     def look(turn, scale=1.0, turned=(0.0, 0.0, 0.0, 0.0)):
         target = scale * from_rotation_matrix(rotation_from_vector(TURNS[2]) @ rotation_from_vector(np.array(turn)))
-        return DEFAULT_TRACKER.look(q, target, np.array(turned))
+        (i, j), (k, m) = np.array(PAIRS).T, np.array(SECOND_PAIRS).T
+        relative = relative_rows() @ (q[i] * target[j])
+        return DEFAULT_TRACKER.rows[3:] @ np.concatenate([relative[k] * relative[m], turned, [1.0]])
 
     np.testing.assert_allclose(look([half, 0.0, 0.0]), [1.0, 0.0, 0.0, 0.0], atol=1e-6)
     np.testing.assert_allclose(look([0.0, 0.0, 0.0], turned=[0.0, half, 0.0, 0.0]), [0.0, -1.0, 0.0, 0.0], atol=1e-12)
     np.testing.assert_allclose(look([0.0, 0.0, 0.0], turned=[half, 0.0, half, 0.0]), np.zeros(4), atol=1e-12)
     assert look([np.pi, 0.0, 0.0])[2] == pytest.approx(2.0)
     assert look([0.0, 0.0, 0.0], scale=1.1)[3] == pytest.approx(21.0)
-
-
-def test_the_place_is_the_same_to_the_last_bit_in_every_version_of_python():
-    """Products are added one after the other, as in the compiled step; sum() of Python 3.12 adds otherwise."""
-
-    def multiply(rows, column):
-        return np.add.accumulate(rows * column, axis=1)[:, -1]
-
-    (i, j), (k, m) = np.array(PAIRS).T, np.array(SECOND_PAIRS).T
-    for p, t, turned in zip(RANDOM.normal(size=(50, 4)), RANDOM.normal(size=(50, 4)), TURNS.repeat(2, 0), strict=False):
-        turned = np.append(turned, 0.1)
-        q = multiply(relative_rows(), p[i] * t[j])
-        expected = multiply(DEFAULT_TRACKER.rows[3:], np.concatenate([q[k] * q[m], turned, [1.0]]))
-        np.testing.assert_array_equal(DEFAULT_TRACKER.look(p, t, turned), expected)
-
-
-def test_nothing_changes_unnoticed_within_the_watched_distance():
-    for _ in range(2000):
-        lock = Lock(float(RANDOM.integers(3)))
-        place, visible = RANDOM.uniform(-2.0, 2.0, 4), bool(RANDOM.integers(2))
-        lock = DEFAULT_TRACKER.judge(lock, place, visible, 0.0)
-        centre, distance = DEFAULT_TRACKER.watch(lock, place, visible)
-        other = centre + RANDOM.uniform(-1.0, 1.0, 4) * min(distance, 3.0)
-        assert DEFAULT_TRACKER.judge(lock, other, visible, 0.0) is lock
 
 
 @pytest.mark.parametrize(

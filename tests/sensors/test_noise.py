@@ -1,21 +1,14 @@
 """Noise of sensors: Allan deviation and spectrum against the model, and a function of the sample's number alone."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from support.claims import verify_claim
 
+from ps_fmu.numerics.library import GRIDS, PLACES, PROCESSES, WHITE
 from ps_fmu.numerics.normal import Stream, make_key
-from ps_fmu.sensors.errors import (
-    CORRELATION_TIMES,
-    DRIFT_BLOCK,
-    DRIFT_INTERVAL,
-    WHITE_BLOCK,
-    Drift,
-    NoiseModel,
-    SensorNoise,
-    _Bridge,
-    finish,
-)
+from ps_fmu.sensors.errors import CORRELATION_TIMES, DRIFT_INTERVAL, NoiseModel, SensorNoise
 
 SENSORS = 30
 INTERVAL = 0.01  # s, a tenth of the shortest correlation time
@@ -107,23 +100,6 @@ def test_a_sample_does_not_depend_on_how_it_is_asked_for(interval):
     assert np.abs(np.corrcoef(whole.T) - np.eye(3)).max() < (0.2 if interval < 1.0 else 1.0)
 
 
-def test_drift_is_found_though_others_are_found_between_its_parts():
-    """Work ahead waits while a jump in time asks for more blocks than are kept."""
-
-    def make():
-        return Drift(NoiseModel(1.0, 2.0, 0.5), 3, INTERVAL, (1, 0), (1, 2))
-
-    expected = finish(make().find(0))
-    for parts in range(len(list(make().find(0))) + 1):
-        drift = make()
-        waiting = drift.find(0)
-        for _ in range(parts):
-            next(waiting)
-        for block in range(1, 6):
-            finish(drift.find(block))
-        np.testing.assert_array_equal(finish(waiting), expected)
-
-
 def test_sample_of_any_time():
     """Decades at 10 kHz, at once; neighbours there are alike, also across a place where blocks of all grids meet."""
     late = 2 * 64**6 * 100
@@ -132,22 +108,63 @@ def test_sample_of_any_time():
     assert np.abs(np.diff(drift, axis=0)).max() < 0.5 * np.abs(drift).max()
 
 
+def draw(stream, key, sensors, columns):
+    """Normal numbers (sensors, columns) by Box-Muller: cosines, then sines."""
+    random = np.random.Generator(np.random.Philox(np.random.SeedSequence(make_key(stream, *key))))
+    u, v = random.random((sensors, 2, columns // 2)).swapaxes(0, 1)
+    radius = np.sqrt(-2.0 * np.log1p(-u))
+    return np.concatenate([radius * np.cos(2.0 * np.pi * v), radius * np.sin(2.0 * np.pi * v)], axis=1)
+
+
+class Drift:
+    """Paths of the processes between the places of the grid above, which a path of that grid has."""
+
+    def __init__(self, model, sensors, interval, key):
+        self.model, self.sensors, self.interval, self.key = model, sensors, interval, key
+        self.find = cache(self.find)
+
+    def constants(self, grid):
+        interval = self.interval * PLACES**grid
+        c = np.append(np.exp(-interval / CORRELATION_TIMES), 1.0)[:, None]
+        s = np.sqrt(self.model.variance) * np.sqrt(1.0 - c**2)
+        s[-1] = self.model.random_walk * np.sqrt(interval)
+        grown = [sum(c ** (2 * j) for j in range(k)) for k in range(PLACES + 1)]  # variance of a path from 0, over s^2
+        return c, s, grown
+
+    def place(self, grid, number):
+        if grid < GRIDS:
+            return self.find(grid, number // PLACES)[number % PLACES]
+        c, s, grown = self.constants(grid - 1)
+        x = np.zeros((PROCESSES, self.sensors))
+        for k in range(number + 1):
+            normal = draw(Stream.SENSOR_DRIFT, (*self.key, 1, k), self.sensors, PROCESSES).T
+            first = np.append(np.full(PROCESSES - 1, np.sqrt(self.model.variance)), 0.0)[:, None]
+            x = c**PLACES * x + s * np.sqrt(grown[-1]) * normal if k else first * normal
+        return x
+
+    def find(self, grid, block):
+        """(PLACES + 1, PROCESSES, sensors)"""
+        c, s, grown = self.constants(grid)
+        normal = draw(Stream.SENSOR_DRIFT, (*self.key, 2 + grid, block), self.sensors, PROCESSES * PLACES)
+        path = [self.place(grid + 1, block)]
+        for k in range(PLACES):
+            path.append(c * path[-1] + s * normal.reshape(self.sensors, PROCESSES, PLACES)[:, :, k].T)
+        missing = self.place(grid + 1, block + 1) - path[-1]
+        return [x + c ** (PLACES - k) * grown[k] / grown[-1] * missing for k, x in enumerate(path)]
+
+
 def find_errors(model, sensors, interval, seed, kind, index):
-    """White noise of each sample by Box-Muller, and the drift, linear between the places of its grid."""
+    """White noise of each sample, and the drift, linear between the places of its grid."""
     stride = round(min(max(1.0, DRIFT_INTERVAL / interval), 2.0**53))
-    drift = Drift(model, sensors, stride * interval, (seed, kind), (1, 2))
+    drift = Drift(model, sensors, stride * interval, (seed, kind))
     errors = []
     for number in index.tolist():
-        block, k = divmod(number, WHITE_BLOCK)
-        key = make_key(Stream.SENSOR_WHITE, seed, kind, block % 2**32)
-        random = np.random.Generator(np.random.Philox(np.random.SeedSequence(key)))
-        u, v = random.random((sensors, 2, WHITE_BLOCK // 2)).swapaxes(0, 1)
-        radius = np.sqrt(-2.0 * np.log1p(-u))
-        white = np.concatenate([radius * np.cos(2.0 * np.pi * v), radius * np.sin(2.0 * np.pi * v)], axis=1)[:, k]
+        block, k = divmod(number, WHITE)
+        white = draw(Stream.SENSOR_WHITE, (seed, kind, block % 2**32), sensors, WHITE)[:, k]
         place, rest = divmod(number, stride)
-        value, slope = finish(drift.find(place // DRIFT_BLOCK))
-        slow = value[:, place % DRIFT_BLOCK] + rest / stride * slope[:, place % DRIFT_BLOCK]
-        errors.append(white * model.density / np.sqrt(2.0 * interval) + slow)
+        path = drift.find(0, place // PLACES)
+        before, after = (path[place % PLACES + k].sum(axis=0) for k in (0, 1))
+        errors.append(white * model.density / np.sqrt(2.0 * interval) + before + rest / stride * (after - before))
     return np.array(errors)
 
 
@@ -158,20 +175,3 @@ def test_errors_are_those_of_the_formula(interval):
     index = np.array([0, 1, 127, 128, 255, 256, 300, 5000, 10**13 if interval < 1e-3 else 10**5])
     found = SensorNoise(*given)(index)
     np.testing.assert_allclose(found, find_errors(*given, index), rtol=1e-9, atol=1e-13 * np.abs(found).max())
-
-
-def test_a_path_of_the_drift_is_its_recursion_moved_to_its_end():
-    random = np.random.default_rng(1)
-    n = len(CORRELATION_TIMES) + 1
-    first, last, normal = (random.standard_normal(shape) for shape in ((n, 2), (n, 2), (2, n * DRIFT_BLOCK)))
-    bridge = _Bridge(NoiseModel(1.0, 2.0, 0.5), 0.64)
-    c, s = bridge._c, bridge._s
-    path = [first]
-    for k in range(DRIFT_BLOCK):
-        path.append(c * path[-1] + s * normal.reshape(2, n, DRIFT_BLOCK)[:, :, k].T)
-    grown = [sum(c ** (2 * j) for j in range(k)) for k in range(DRIFT_BLOCK + 1)]  # variance of a path from 0, over s^2
-    shares = [c ** (DRIFT_BLOCK - k) * grown[k] / grown[-1] for k in range(DRIFT_BLOCK + 1)]
-    expected = [place + share * (last - path[-1]) for place, share in zip(path, shares, strict=True)]
-    found = bridge.connect(first, last, normal)
-    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-12)
-    np.testing.assert_allclose(found[-1], last, rtol=0.0, atol=1e-12)

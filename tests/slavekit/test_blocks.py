@@ -10,7 +10,7 @@ from support.bench import core_of, step_by_kernel, use_matrix
 from support.states import start_stepping
 
 from ps_fmu.numerics.library import find_library
-from ps_fmu.slavekit.author.blocks import LANES, find_pattern, make_blocks, store_by_columns
+from ps_fmu.slavekit.author.blocks import make_blocks, store_by_columns
 from ps_fmu.slavekit.author.core import Core, Map
 from ps_fmu.slavekit.author.slave import Port, Slave
 
@@ -59,16 +59,17 @@ def test_blocks_have_the_bits_of_the_dense_matrix(matrix: np.ndarray, seed: int,
 def test_blocks_cover_each_row_once_and_each_number(matrix: np.ndarray):
     by_columns = store_by_columns(matrix)
     made = make_blocks(by_columns)
-    rows = [row for word in made.pattern.words for row in range(word.row, word.row + word.n_rows)]
-    assert rows == list(range(by_columns.shape[1]))
-    rebuilt = np.zeros_like(by_columns)
-    for word in made.pattern.words:
-        columns = made.pattern.columns[word.column : word.column + word.n_columns]
+    rebuilt, next_row = np.zeros_like(by_columns), 0
+    for row, n_rows, column, n_columns, number in made.blocks.tolist():
+        assert row == next_row
+        next_row += n_rows
+        columns = made.columns[column : column + n_columns]
         assert (np.diff(columns) > 0).all()
-        numbers = made.numbers[word.number : word.number + word.n_columns * word.n_rows]
-        rebuilt[columns, word.row : word.row + word.n_rows] = numbers.reshape(word.n_columns, word.n_rows)
+        numbers = made.numbers[number : number + n_columns * n_rows]
+        rebuilt[columns, row : row + n_rows] = numbers.reshape(n_columns, n_rows)
+    assert next_row == by_columns.shape[1]
     np.testing.assert_array_equal(rebuilt, by_columns)
-    assert made.operations <= by_columns.size
+    assert made.numbers.size <= by_columns.size
 
 
 def test_zeros_are_left_out():
@@ -76,17 +77,9 @@ def test_zeros_are_left_out():
     matrix = np.zeros((32, 40))
     matrix[:16, :20] = matrix[16:, 20:] = 1.0
     made = make_blocks(store_by_columns(matrix))
-    assert [(word.n_rows, word.n_columns) for word in made.pattern.words] == [(16, 20), (16, 20)]
-    assert made.operations == matrix.size // 2
-    assert make_blocks(store_by_columns(np.zeros((32, 40)))).operations == 0
-
-
-def test_a_pattern_is_found_once():
-    matrix = np.zeros((2 * LANES, 9))
-    matrix[:3, 2:5] = 1.0
-    first, second = make_blocks(store_by_columns(matrix)), make_blocks(store_by_columns(3.0 * matrix))
-    assert first.pattern is second.pattern
-    assert find_pattern.cache_info().maxsize == 32
+    assert made.blocks[:, [1, 3]].tolist() == [[16, 20], [16, 20]]
+    assert made.numbers.size == matrix.size // 2
+    assert make_blocks(store_by_columns(np.zeros((32, 40)))).numbers.size == 0
 
 
 def two_maps(first: list[list[float]], second: list[list[float]]) -> tuple[Core, np.ndarray]:
@@ -164,7 +157,7 @@ def test_a_split_map_makes_the_same_step():
 
 
 def test_a_split_map_of_the_wrong_shape_is_named():
-    with pytest.raises(ValueError, match=r"Split\.split_map \(outputs\) has shape \(2, 2\); expected \(1, 2\)"):
+    with pytest.raises(ValueError, match=r"Split\.split_map \(outputs\) is of shape \(2, 2\); expected \(1, 2\)"):
         begin(Split, fault=1.0).do_step(0.0, 0.1)
 
 

@@ -236,7 +236,7 @@ def test_a_missing_project_file_is_noticed(tmp_path, monkeypatch):
                 "from ps_fmu.slavekit.author.terminals import Terminal\n\n\n"
                 'class Waves(Slave):\n    terminals = (Terminal("t", ("torque",), ""),)\n',
             ),
-            "Waves has no variable 'torque'",
+            "there is no variable 'torque'",
         ),
     ],
 )
@@ -258,7 +258,7 @@ def test_incomplete_folders_are_told(tmp_path):
     script.write_text(re.sub(r'^""".*?"""', "", script.read_text(), flags=re.DOTALL))
     with pytest.raises(BuildError, match=r"a docstring at the top of waves\.py, or .*README\.md, becomes"):
         build_one(folder, tmp_path / "out")
-    with pytest.raises(BuildError, match="no nothing; found channel, limiter, oscillator, waves"):
+    with pytest.raises(BuildError, match="no nothing; found channel, circuit, limiter, oscillator, pendulum, waves"):
         build_all(tmp_path / "out", MODELS, ["nothing"])
 
 

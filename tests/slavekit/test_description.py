@@ -66,6 +66,17 @@ def test_each_unit_is_defined_once(root):
     assert set(defined) == used
 
 
+def test_states_and_their_rates_come_last_and_provide_derivatives(toys):
+    root = toys["circuit"](instance_name="c").to_xml()
+    assert root.find("CoSimulation").get("providesDirectionalDerivative") == "true"
+    variables = [(v.get("name"), v.get("causality"), v[0].get("derivative")) for v in root.iter("ScalarVariable")]
+    assert variables[-4:] == [
+        ("x[1]", "local", None), ("x[2]", "local", None), ("der(x[1])", "local", "5"), ("der(x[2])", "local", "6"),
+    ]  # fmt: skip
+    assert set(names(root, "Derivatives", "dependencies")) == {"der(x[1])", "der(x[2])"}
+    assert {"charge", "x[1]", "der(x[2])"} <= set(names(root, "InitialUnknowns", "dependencies"))
+
+
 def test_structure_of_latched_outputs(root):
     assert names(root, "Outputs", "dependencies") == {"position": "", "speed": "", "engaged": ""}
     assert names(root, "InitialUnknowns", "dependencies") == {"position": None, "speed": None, "engaged": None}

@@ -34,7 +34,7 @@ def test_parameters_the_furthest_first(make):
 
 def test_the_step_size(make):
     slave = make("oscillator")
-    assert refusal(slave, 0.0, 1e200).endswith("step_map has elements that are not finite; "
+    assert refusal(slave, 0.0, 1e200).endswith("step_map contains numbers that are not finite; "
                                                "far beyond what is usual: step size 1e+200 s")  # fmt: skip
     assert slave.do_step(0.0, H)
 

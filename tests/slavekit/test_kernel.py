@@ -180,7 +180,7 @@ def test_wrong_limits_are_faults(held, limits):
 
 
 def test_the_flag_is_a_boolean_output():
-    with pytest.raises(TypeError, match="limit_flag = 'sum' is no Boolean output"):
+    with pytest.raises(TypeError, match="limit_flag: expected a Boolean output, got 'sum'"):
         type("Wrong", (Held,), {"limit_flag": "sum"})
 
 

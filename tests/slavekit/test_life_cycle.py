@@ -172,7 +172,7 @@ def test_exceptions_of_overridden_methods_do_not_reach_the_library(toys, capfd, 
 
 
 def test_mistakes_in_a_class_are_told_at_its_definition():
-    with pytest.raises(TypeError, match="Mine: no __init__"):
+    with pytest.raises(TypeError, match="Mine: expected no __init__"):
 
         class Mine(Slave):
             def __init__(self, **kwargs):

@@ -3,14 +3,20 @@
 import ctypes
 import math
 import shutil
+import subprocess
 from pathlib import Path
 
+import numpy as np
 import pytest
 from fmpy import simulate_fmu
 from fmpy.fmi1 import FMICallException
-from support.host import unpack
+from fmpy.fmi2 import fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
+from scipy.linalg import expm
+from support.host import COMPILER, unpack
 from support.twins import InFmpy, InPython, without_launcher
 
+from ps_fmu import native
+from ps_fmu.slavekit.author.guard import Refused
 from ps_fmu.slavekit.pack.build import build_one
 
 MODELS = Path(__file__).with_name("models")
@@ -140,6 +146,147 @@ def test_a_refused_step_with_elements_changes_nothing(start, toys, capfd):
     text = "not finite: in an element before or after the map"
     assert text in capfd.readouterr().err
     assert send(pair[0], 36, 40) == send(pair[1], 36, 40)
+
+
+@pytest.fixture(scope="session")
+def swing(tmp_path_factory) -> str:
+    """The compiled function of the pendulum."""
+    path = tmp_path_factory.mktemp("library") / "swing.so"
+    flags = ["-std=c99", "-O1", "-ffp-contract=off", "-Wall", "-Wextra", "-pedantic", "-Werror", "-shared", "-fPIC"]
+    source = Path(__file__).with_name("library") / "swing.c"
+    subprocess.run([*COMPILER, *flags, "-I", str(native.FOLDER), str(source), "-o", str(path)], check=True)
+    return str(path)
+
+
+STEPS = (0.01, 0.01, 0.004, 0.03, 0.03, 1e-6, 0.5)  # s
+
+
+def swing_both(pair, begin: float, times: int = 5) -> tuple[list[list[float]], float]:
+    """Steps of changing size with inputs that jump, with the same results of both; these, and the time then, s."""
+    t, rows = begin, []
+    for k in range(times * len(STEPS)):
+        h = STEPS[k % len(STEPS)]
+        for instance in pair:
+            swung = {"torque": 0.2 * math.sin(k), "locked": k % 11 > 8}
+            instance.set(swung if "torque" in names(instance) else {"source": math.sin(k)})
+            instance.step(t, h)
+        found = [instance.outputs() for instance in pair]
+        assert found[0] == found[1]
+        rows.append(found[0])
+        t += h
+    return rows, t
+
+
+def names(instance: InFmpy | InPython) -> list[str]:
+    return list(instance.variables) if isinstance(instance, InFmpy) else list(instance.slave.layout.reference)
+
+
+@pytest.mark.parametrize("toy", ["pendulum", "circuit"])
+def test_steps_of_functions_and_of_any_size_need_no_python(start, toys, swing, toy):
+    """From the first one on, and from a state that came as bytes on; Python alone gives the same."""
+    values = {"library": swing, "most": 50.0} if toy == "pendulum" else {}
+    pair = start(toy, **values), InPython(toys[toy])
+    pair[1].set(values)
+    pair[1].initialise()
+    _, t = swing_both(pair, 0.0)
+    states = [instance.state() for instance in pair]
+    assert states[0] == states[1]
+    rows, _ = swing_both(pair, t)
+    for instance, content in zip(pair, states[::-1], strict=True):
+        instance.restore(content)
+    assert swing_both(pair, t)[0] == rows
+    assert pair[0].steps() == (15 * len(STEPS), 0)
+
+
+def test_continuous_equations_against_their_solution(start):
+    """Each step with the source that is held in it, whatever its size."""
+    circuit, state, t = start("circuit"), np.array([0.1, 0.0, 0.0]), 0.0
+    for k, h in enumerate(STEPS * 3):
+        circuit.set({"source": math.cos(k)})
+        circuit.step(t, h)
+        state[2] = math.cos(k)
+        state = expm(h * np.array([[0.0, 1.0, 0.0], [-100.0, -0.5, 1.0], [0.0, 0.0, 0.0]])) @ state
+        expected = [state[0], -100.0 * state[0] - 0.5 * state[1] + state[2]]
+        np.testing.assert_allclose(circuit.outputs(), expected, rtol=1e-12, atol=1e-13)
+        t += h
+
+
+def differentiate(instance: InFmpy, unknown: list[str], known: list[str]) -> np.ndarray:
+    """Derivatives (unknown, known) by the calls of FMI."""
+    columns = []
+    for name in known:
+        references = [[instance.variables[n].valueReference for n in names] for names in (unknown, [name])]
+        columns.append(instance.fmu.getDirectionalDerivative(*references, [1.0]))
+    return np.array(columns).T
+
+
+def test_directional_derivatives_are_those_of_the_equations(start):
+    circuit = start("circuit", resistance=0.25)
+    circuit.step(0.0, 0.1)
+    found = differentiate(circuit, ["der(x[1])", "der(x[2])", "charge", "voltage"], ["x[1]", "x[2]", "source"])
+    assert found.tolist() == [[0.0, 1.0, 0.0], [-100.0, -0.25, 1.0], [1.0, 0.0, 0.0], [-100.0, -0.25, 1.0]]
+    names = ["x[1]", "x[2]", "der(x[1])", "der(x[2])"]
+    x, v, rate, acceleration = circuit.fmu.getReal([circuit.variables[name].valueReference for name in names])
+    assert (x, v) == (circuit.outputs()[0], rate)
+    assert acceleration == pytest.approx(-100.0 * x - 0.25 * v, abs=1e-14)
+    both = [circuit.variables[name].valueReference for name in ("voltage", "der(x[2])")]
+    known = [circuit.variables[name].valueReference for name in ("source", "x[1]")]
+    assert circuit.fmu.getDirectionalDerivative(both, known, [2.0, -0.5]) == [52.0] * 2
+
+
+def test_what_has_no_derivative_is_refused(start, capfd):
+    circuit, oscillator = start("circuit"), start("oscillator")
+    charge, source = (circuit.variables[name].valueReference for name in ("charge", "source"))
+    for unknown, known, why in (
+        ([source], [source], "an unknown is neither a Real output"),
+        ([charge], [charge], "a known is neither a state nor an input"),
+        ([charge], [10**9], "a known is neither a state nor an input"),
+        ([2**31 - 1], [source], "an unknown is neither a Real output"),
+    ):
+        assert refused(circuit.fmu.getDirectionalDerivative, unknown, known, [1.0]) == ERROR
+        assert why in capfd.readouterr().err
+    assert refused(oscillator.fmu.getDirectionalDerivative, [0], [2], [1.0]) == ERROR
+    assert "this FMU does not provide them" in capfd.readouterr().err
+    assert refused(circuit.fmu.setReal, [circuit.variables["x[1]"].valueReference], [1.0]) == ERROR
+    assert "x[1] is a local variable and cannot be set" in capfd.readouterr().err
+
+
+def test_a_function_warns_and_refuses(folders, toys, swing, capfd):
+    """The warning comes once, by the host's logger; after a refusal nothing has changed."""
+    messages = []
+    callbacks = fmi2CallbackFunctions()
+    callbacks.logger = fmi2CallbackLoggerTYPE(lambda *given: messages.append((given[2], given[3], given[4])))
+    folder = folders["pendulum"]
+    pair = InFmpy(folder, "beam", callbacks), InPython(toys["pendulum"], "beam")
+    log = []
+    pair[1].slave.log = lambda text, *rest: log.append(text)
+    for instance in pair:
+        instance.set({"library": swing, "torque": 8.0})
+        instance.initialise()
+        with pytest.raises((FMICallException, Refused)):
+            for k in range(99):
+                before = instance.state()
+                instance.step(0.1 * k, 0.1)
+        assert instance.state() == before
+        instance.set({"torque": -1.0})
+        instance.step(0.1 * k, 0.05)
+    warnings = [text.decode() for status, category, text in messages if (status, category) == (1, b"logStatusWarning")]
+    assert warnings == ["Pendulum 'beam': at t = 0.2 s past 50 %%"]
+    assert [text.replace("%", "%%") for text in log] == warnings
+    assert "step from t = 0.5 s refused: angle 1.05 rad: at most 1.00 rad, 100 %\n" in capfd.readouterr().err
+    pair[0].free()
+
+
+def test_steps_of_any_size_are_checked(start, swing, capfd):
+    pendulum = start("pendulum", library=swing)
+    pendulum.step(0.0, 0.1)
+    for t, h in ((0.1, 0.0), (0.1, -0.1), (0.1, math.nan), (0.1, math.inf), (0.0, 0.1), (0.3, 0.1), (math.nan, 0.1)):
+        before = pendulum.state()
+        assert refused(pendulum.step, t, h) == ERROR
+        assert pendulum.state() == before
+    assert capfd.readouterr().err.count("refused: ") == 7
+    pendulum.step(0.1, 1e-9)
+    assert pendulum.steps() == (2, 0)
 
 
 def test_an_event_is_one_step_in_python(start):

@@ -251,22 +251,22 @@ def test_an_event_may_be_requested_at_configuration(make):
 def test_maps_and_tables_of_another_shape_are_faults(make, monkeypatch):
     slave = make("oscillator")
     slave.step_map = lambda h: np.zeros((2, 2))
-    with pytest.raises(ValueError, match=r"step_map has shape \(2, 2\); expected \(5, 6\)"):
+    with pytest.raises(ValueError, match=r"step_map is of shape \(2, 2\); expected \(5, 6\)"):
         slave.do_step(0.0, H)
     slave = make("waves")
     monkeypatch.setattr(type(slave), "rows", lambda self, t, h, n: np.zeros((n, 1)))
-    with pytest.raises(ValueError, match=r"Waves\.rows has shape \(16, 1\); expected \(16, 2\)"):
+    with pytest.raises(ValueError, match=r"Waves\.rows is of shape \(16, 1\); expected \(16, 2\)"):
         slave.do_step(0.0, H)
 
 
 def test_maps_and_tables_that_are_not_finite_are_refused(make, monkeypatch):
     slave = make("oscillator")
     slave.step_map = lambda h: np.full((5, 6), np.nan)
-    with pytest.raises(ModelError, match=r"Oscillator\.step_map has elements that are not finite"):
+    with pytest.raises(ModelError, match=r"Oscillator\.step_map contains numbers that are not finite"):
         slave.do_step(0.0, H)
     slave = make("waves")
     monkeypatch.setattr(type(slave), "rows", lambda self, t, h, n: np.full((n, 2), np.inf))
-    with pytest.raises(ModelError, match=r"Waves\.rows has elements that are not finite"):
+    with pytest.raises(ModelError, match=r"Waves\.rows contains numbers that are not finite"):
         slave.do_step(0.0, H)
 
 

@@ -24,7 +24,7 @@ def test_vector_and_numbered_names():
         ("leg_1", 1.0, 0, "Length, 1"),
         ("leg_2", 2.0, 0, "Length, 2"),
     ]
-    with pytest.raises(ValueError, match="leg_1: start has 3 values for 2 components"):
+    with pytest.raises(ValueError, match="leg_1: start: expected 2 values, got 3"):
         numbered("leg", 2, "m", "Length", causality="parameter", start=(1.0, 2.0, 3.0))
 
 
@@ -33,7 +33,7 @@ def test_vector_and_numbered_names():
     [
         ({"name": "a[1]", "causality": "input"}, "identifiers"),
         ({"name": "a..b", "causality": "input"}, "identifiers"),
-        ({"name": "a", "causality": "local"}, "causality"),
+        ({"name": "a", "causality": "independent"}, "causality"),
         ({"name": "a", "causality": "input", "start": math.nan}, "finite"),
         ({"name": "a", "causality": "input", "start": 3.0, "max": 2.0}, "at most 2"),
         ({"name": "a", "causality": "parameter", "start": "x"}, "number"),

@@ -180,7 +180,7 @@ class TestWhatIsRefused:
     @pytest.mark.parametrize(
         ("change", "problem"),
         [
-            (("class Tank", "class Tank(:"), r"tank\.py: this is no Python .*line 6"),
+            (("class Tank", "class Tank(:"), r"tank\.py: cannot be read as Python: .*line 6"),
             (("(Fmi2Slave)", "(object)"), "No child class of Fmi2Slave"),
             (("self.area, self.level = ", "self.area = "), r'(?s)Traceback.*source/tank.py", line 1\d, in __init__\n'),
             (("import math", "import nowhere_to_be_found"), "(?s)valve.py.*No module named 'nowhere_to_be_found'"),

@@ -184,7 +184,8 @@ def test_what_is_in_the_state_is_refused_by_name_when_the_study_is_planned(settl
     assert CaseRunner(prepared.bundle.unpack(tmp_path)).run(1, prepared.plan.values(1))["status"] == DONE
     label = {"[[vary]]": '[runs.active]\n"first.label" = "x"\n[[vary]]'}
     with pytest.raises(StudyError, match=(
-        r"(?s)from, checkpoint: run 'active': .*first\.label is a fixed parameter.*it is none there, x here.*"
+        r"(?s)from, checkpoint: run 'active': .*first\.label is a fixed parameter.*its value is none in "
+        r"the checkpoint and x in this.*"
         r"the key anew of \[from\] for first"
     )):  # fmt: skip
         plan(label)
@@ -198,8 +199,8 @@ def test_what_is_in_the_state_is_refused_by_name_when_the_study_is_planned(settl
         ({'checkpoint = "settled"': ""}, r"from\.checkpoint: is missing"),
         ({'"settled"': '"settled"\nafter = 1'}, r"from\.after: unknown key"),
         ({'"settled"': '"settled"\nanew = ["frist"]'}, r"from, anew: run 'active': there is no component 'frist'"),
-        ({'"10 ms"': '"5 ms"'}, r"from, checkpoint: .*is of another system: another step \(s\)"),
-        ({'"settled"': '"study.toml"'}, r"from, checkpoint: .*study\.toml: is no checkpoint, or a damaged one"),
+        ({'"10 ms"': '"5 ms"'}, r"from, checkpoint: .*belongs to another system: the step \(s\) is"),
+        ({'"settled"': '"study.toml"'}, r"from, checkpoint: .*study\.toml: is not a checkpoint, or is damaged"),
         ({'[from]\ncheckpoint = "settled"': "", "\n[study]": 'from = 1\n[study]'}, r"from: expected an object"),
     ],
 )  # fmt: skip

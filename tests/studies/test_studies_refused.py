@@ -71,7 +71,7 @@ def plan(write, tmp_path):
     [
         ([("a.gain", "b.real_in")], "b.real_in is connected to a.real_out: a start value would have no effect"),
         ([("a.gain", "a.real_in")], "a.real_in gets u of the file of inputs: a start value would have no effect"),
-        ([("a.gain", "a.real_out")], "a.real_out is of causality output: only inputs and parameters can be set"),
+        ([("a.gain", "a.real_out")], "a.real_out cannot be set: expected an input or a parameter"),
         ([('"a.gain"', '"z"')], "input 'z' is converted for e.level_in: vary e.level_in instead"),
         ([ENUMERATION, ("1, 2", '"pink"')], "no value 'pink'; it has red (1), green (2), blue (3)"),
         ([ENUMERATION, ("1, 2", "7")], "the enumeration has no value 7; it has red (1), green (2), blue (3)"),
@@ -90,7 +90,7 @@ def plan(write, tmp_path):
         ([("in.csv", "gone.csv")], "inputs: there is no file"),
         ([("seed = 1", 'seed = 1\nextrapolate = "cubic"')], "extrapolate: expected one of hold, linear, smoothed"),
         ([("seed = 1", 'seed = 1\nrates = { a = "2/3" }')], "rates: expected N or 1/N base steps"),
-        ([("seed = 1", 'seed = 1\nrates = { x = 2 }')], "there is no component 'x'; the system has a, b, e"),
+        ([("seed = 1", 'seed = 1\nrates = { x = 2 }')], "there is no component 'x'; expected one of a, b, e"),
         ([("seed = 1", "seed = 1\ntolerance = 1e-3")], "tolerance: is for the scheme 'iterated'"),
         ([("seed = 1", 'seed = 1\nscheme = "iterated"\ntolerance = 2')], "tolerance: expected a number < 1.0, got 2"),
         ([("seed = 1", 'seed = 1\noutside = "yes"')], "outside: expected true or false, got 'yes'"),
@@ -107,7 +107,7 @@ def test_what_cannot_be_varied(plan, changes, reason):
     [
         ('"b.real_in" = 1.0', "is connected to a.real_out: a start value would have no effect"),
         ('"a.real_in" = 1.0', "gets u of the file of inputs: a start value would have no effect"),
-        ('"a.real_out" = 1.0', "is of causality output: only inputs and parameters can be set"),
+        ('"a.real_out" = 1.0', "cannot be set: expected an input or a parameter, its causality is output"),
         ('"e.whole_in" = "pink"', "no value 'pink'; it has red (1), green (2), blue (3)"),
         ('"x.gain" = 1.0', "there is no component 'x'; there are a, b, e"),
     ],
@@ -123,7 +123,7 @@ def test_what_a_run_cannot_set(plan, value, reason):
     [
         ("time,u\n0,1\n1,x\n", r"in\.csv, line 3: input 'u': expected a value of type Real, got 'x'"),
         ("time,b.real_in\n0,1\n", r"in\.csv, line 1: input 'b\.real_in': the variable is connected"),
-        ("time,q\n0,1\n", r"in\.csv, line 1: input 'q': the system has no such input"),
+        ("time,q\n0,1\n", r"in\.csv, line 1: input 'q': there is no such input in the system"),
     ],
 )
 def test_inputs_that_do_not_fit(plan, inputs, reason):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from ps_fmu.numerics.library import find_library
-from ps_fmu.slavekit.author.blocks import Matrix, Pattern, Words, make_blocks, store_by_columns
+from ps_fmu.slavekit.author.blocks import Matrix, make_blocks, store_by_columns
 from ps_fmu.slavekit.author.buffer import BufferLayout
 from ps_fmu.slavekit.author.core import Core, Map, make_core
 from ps_fmu.slavekit.author.elements import (
@@ -52,9 +52,7 @@ def core_of(n_outputs: int, n_states: int, n_inputs: int) -> tuple[Core, np.ndar
 def make_dense(by_columns: np.ndarray) -> Matrix:
     """A matrix by columns as one block of all rows and columns."""
     n, stride = by_columns.shape
-    words = (Words * 1)(Words(0, stride, 0, n, 0))
-    pattern = Pattern(words, np.arange(n, dtype=np.int32), np.arange(by_columns.size))
-    return Matrix(by_columns, pattern, by_columns.reshape(-1))
+    return Matrix(by_columns, np.array([[0, stride, 0, n, 0]]), np.arange(n, dtype=np.int32), by_columns.reshape(-1))
 
 
 def use_matrix(core: Core, matrix: np.ndarray, *, dense: bool = False) -> None:

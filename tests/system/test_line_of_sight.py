@@ -12,7 +12,8 @@ from ps_fmu.control.isolator import Isolator
 from ps_fmu.control.pointing import PointingLaw
 from ps_fmu.cosim import Master, read_system
 from ps_fmu.cosim.structure import Connection, PortName
-from ps_fmu.interface.linear_system import POINTING, Circuit, read_model
+from ps_fmu.interface.linear_system import Circuit
+from ps_fmu.interface.system_model import POINTING, read_model
 from ps_fmu.mechanism.discretisation import zero_order_hold
 from ps_fmu.mechanism.linear_model import Plant
 from ps_fmu.pointing.response import slowest_mode

@@ -21,7 +21,7 @@ from ps_fmu.cosim.description import index_variables, read_description
 from ps_fmu.cosim.structure import Parameter
 from ps_fmu.disturbance import Disturbance
 from ps_fmu.disturbance.recording import HEADER as RECORDING
-from ps_fmu.interface.linear_system import read_disturbance
+from ps_fmu.interface.system_model import read_disturbance
 
 ROOT = Path(__file__).parents[2]
 SSD = ROOT / "system" / "SystemStructure.ssd"

@@ -11,7 +11,8 @@ from support.claims import verify_claim
 
 from ps_fmu.cosim import Master, read_parameters, read_system
 from ps_fmu.disturbance.recording import HEADER
-from ps_fmu.interface.linear_system import Circuit, read_model
+from ps_fmu.interface.linear_system import Circuit
+from ps_fmu.interface.system_model import read_model
 from ps_fmu.pointing import AbsoluteError, RelativeError
 from ps_fmu.pointing.budget import make_budget
 from ps_fmu.results.observers.sampler import SampleObserver

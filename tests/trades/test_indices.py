@@ -11,7 +11,8 @@ from support.claims import verify_claim
 from ps_fmu.analyses.table import AnalysisOptions
 from ps_fmu.cosim import read_system
 from ps_fmu.disturbance import multisine_lines, psd_at_origin
-from ps_fmu.interface.linear_system import SOURCE, Circuit, read_model
+from ps_fmu.interface.linear_system import Circuit
+from ps_fmu.interface.system_model import SOURCE, read_model
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.trades.indices import report
 from ps_fmu.trades.indices.comparison import SETTLING, SIGNALS, STEP, STRIDE, list_indices, record, set_case

@@ -21,7 +21,7 @@ bandwidth, at every step size: ``i(t + h) = p i + (1 - p) i_c``.
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from ctypes import addressof, byref
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -29,12 +29,10 @@ import numpy as np
 
 from ..mechanism.parameters import Parameters
 from ..mechanism.quantities import Array, Checked, group, quantity
-from ..numerics.calls import Calls, finish
-from ..numerics.normal import Stream, Words, make_calls, make_key, make_words
-from .stops import Stops, find_effective_mass
-
-_BLOCK = 512  # samples that one key makes: larger ones would stall a step, smaller ones take longer for each sample
-_AT_ONCE = 2  # blocks: 20 us
+from ..numerics import library
+from ..numerics.library import find_address
+from ..numerics.normal import Stream, make_key, make_words
+from .stops import FEWEST_STEPS, STEPS_AHEAD, Stops, find_effective_mass
 
 
 class WhiteNoise:
@@ -43,42 +41,21 @@ class WhiteNoise:
     Parameters
     ----------
     seed: 0 or greater.
-    channels: numbers in a sample.
+    channels: numbers in a sample, at most 4.
     """
 
     def __init__(self, seed: int, channels: int) -> None:
-        self._seed, self._channels = seed, channels
-        self._last = (-1, np.empty((0, channels)))  # number and samples of a block: the next call often needs it
+        self._channels = channels
+        key = make_words(make_key(Stream.DRIVER, seed, 0))  # the block follows
+        rows = library.allocate(library.WHITE_ROWS * channels)
+        self.words = library.White(addressof(key), len(key), channels, library.NONE, 0, find_address(rows))
+        self.words.kept = key, rows
 
     def __call__(self, first: int, n: int) -> Array:
         """The samples ``first`` to ``first + n - 1``, shape (n, channels)."""
-        return finish(self.in_parts(first, n))
-
-    def in_parts(self, first: int, n: int) -> Generator[Calls, None, Array]:
-        """As :meth:`__call__`, a block at a time: yields calls, and returns the samples."""
-        numbers = range(first // _BLOCK, (first + n - 1) // _BLOCK + 1)
-        blocks = np.empty((len(numbers), _BLOCK, self._channels))
-        known, samples = self._last
-        skipped = int(known == numbers[0])
-        if skipped:
-            blocks[0] = samples
-        half = _BLOCK // 2 * self._channels
-        rest = blocks[skipped:].reshape(-1, 2 * half)
-        yield from Calls(make_calls(self._make_words(numbers[0] + skipped), half, rest, _AT_ONCE), blocks)
-        self._last = numbers[-1], blocks[-1].copy()  # not all of them for the sake of one
-        begin = first - numbers.start * _BLOCK
-        return blocks.reshape(-1, self._channels)[begin : begin + n]
-
-    def _make_words(self, number: int) -> Words:
-        return make_words(make_key(Stream.DRIVER, self._seed, number % 2**32))
-
-
-def sample_deviation(density: float, h: float) -> float:
-    """Standard deviation of white noise with a one-sided density (unit/sqrt(Hz)), one sample a step of ``h`` (s).
-
-    The band ends at ``1 / (2 h)``.
-    """
-    return float(density / np.sqrt(2.0 * h))
+        found = np.empty((n, self._channels))
+        library.find_arithmetic().make_white(byref(self.words), first, n, find_address(found))
+        return found
 
 
 @dataclass(frozen=True)
@@ -100,6 +77,14 @@ class Coil(Checked):
         if self.ripple:
             shape = shape + self.ripple * np.sin(self.ripple_factor * displacement + self.ripple_phase)
         return np.asarray(self.force_constant * shape)
+
+    def differentiate_constant(self, displacement: Array) -> Array:
+        """dk/dx at displacements x (n,) from mid-stroke, m; N/(A.m)."""
+        slope = -2.0 * self.stroke_loss * displacement / self.half_stroke**2
+        if self.ripple:
+            angle = self.ripple_factor * displacement + self.ripple_phase
+            slope = slope + self.ripple * self.ripple_factor * np.cos(angle)
+        return np.asarray(self.force_constant * slope)
 
     @property
     def ripple_factor(self) -> float:
@@ -183,3 +168,20 @@ class Coils(Checked):
             effective_mass=find_effective_mass(p),  # kg
         )
         return cls(coil, driver, stop)
+
+    def describe(self) -> library.Coils:
+        """The coils for the element of a step (``instruments.h``), which still needs places in a buffer."""
+        coil, driver, stop = self.coil, self.driver, self.stop
+        noise = WhiteNoise(driver.seed, 3)
+        words = library.Coils(
+            force_constant=coil.force_constant, resistance=coil.resistance, inductance=coil.inductance,
+            stroke_factor=-coil.force_constant * coil.stroke_loss / coil.half_stroke**2,
+            ripple=coil.ripple, ripple_factor=coil.ripple_factor, ripple_phase=coil.ripple_phase,
+            bandwidth=driver.bandwidth, compensation=driver.emf_compensation, supply_voltage=driver.supply_voltage,
+            current_limit=driver.current_limit, resolution=driver.current_resolution, noise=driver.noise,
+            distance=stop.distance, stiffness=stop.stiffness if stop.active else 0.0, damping=stop.damping,
+            effective_mass=stop.effective_mass, steps_ahead=STEPS_AHEAD, contact_time=stop.count_contact_steps(1.0),
+            fewest_steps=FEWEST_STEPS, longest_step=stop.find_largest_step(), white=noise.words,
+        )  # fmt: skip
+        words.kept = noise
+        return words

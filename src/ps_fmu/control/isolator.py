@@ -1,4 +1,4 @@
-"""The feedforward controller over a slew: its gains follow the orientation of the platform.
+"""The feedforward controller as the FMU has it: its gains follow the orientation of the platform, in C.
 
 The isolator knows the centre of mass of the payload with an error, as ``paper.toml`` states it; set it apart from the
 plant's on purpose.
@@ -6,18 +6,22 @@ plant's on purpose.
 
 from __future__ import annotations
 
+import ctypes
+from ctypes import c_double, c_int64
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
+from ..mechanism.compiled import leg_moments
 from ..mechanism.dynamics import Pose
-from ..mechanism.inverse_kinematics import trilaterate
-from ..mechanism.kinematics import KinematicsError
+from ..mechanism.inverse_kinematics import N_GEOMETRY, inverse_kinematics, pack_geometry
 from ..mechanism.parameters import FeedforwardFilters, Manipulator, Parameters, Payload
 from ..mechanism.quantities import Array, group
-from ..mechanism.rotations import rotation_matrix
-from .feedforward import Controller, Lowpass, TurningController, gains, lowpass
+from .feedforward import Controller, Lowpass, gains, lowpass
+
+N_MECHANISM = N_GEOMETRY + 6 * 4 + 2 * 3 + 1 + 3 + 9 + 3
+"""Numbers of ``Mechanism`` of ``native/control/mechanism.h``."""
 
 
 def known_payload(p: Parameters) -> Payload:
@@ -32,53 +36,6 @@ def is_known(name: str) -> bool:
 
 class UnreachableOrientationError(ValueError):
     """No pose with ``d_f = 0`` has this orientation."""
-
-
-@dataclass(frozen=True, eq=False)
-class Turn:
-    """A straight way from one orientation to another, (3,) each, roll, pitch, yaw, rad; without length at rest."""
-
-    start: Array
-    end: Array
-
-    @classmethod
-    def ahead(cls, orientation: Array, previous: Array, resolution: float) -> Turn:
-        """The way on which the platform goes on as it has turned since the ``previous`` orientation.
-
-        Its length is the square root of ``resolution`` (rad): gains that are linear on it are then less wrong than
-        gains that stay until the platform has turned by ``resolution``.  At 1e-4 rad they are off by at most 7e-5 of
-        the largest gain within 7.5 deg, the others by 2e-4.
-        """
-        direction = orientation - previous
-        direction = direction / np.abs(direction).max()  # whose square is no longer too small for a number
-        return cls(orientation, orientation + np.sqrt(resolution) / np.linalg.norm(direction) * direction)
-
-    @property
-    def length(self) -> float:
-        """Rad."""
-        return float(np.linalg.norm(self.end - self.start))
-
-    @property
-    def progress(self) -> Array:
-        """(4, 6): from [orientation; start], how far it is on the way, 0 to 1, and how far from it (3,), rad."""
-        unit = (self.end - self.start) / self.length
-        from_start = np.vstack([unit / self.length, np.eye(3) - np.outer(unit, unit)])
-        return np.hstack([from_start, -from_start])
-
-    def is_left(self, orientation: Array, resolution: float) -> bool:
-        """Whether an orientation is further than ``resolution`` (rad) away from it."""
-        if not self.length:
-            return bool(np.abs(orientation - self.start).max() > resolution)
-        progress = self.progress @ np.concatenate([orientation, self.start])
-        return bool((np.abs(progress - HALF_WAY) > self.allowed(resolution)).any())
-
-    def allowed(self, resolution: float) -> Array:
-        """(4,) how far the progress may be from HALF_WAY."""
-        return np.array([0.5 + resolution / self.length, resolution, resolution, resolution])
-
-
-#: The middle of a :class:`Turn` in its progress.
-HALF_WAY = np.array([0.5, 0.0, 0.0, 0.0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,13 +69,21 @@ class Isolator:
         pose = nominal_pose(self.manipulator, orientation)
         return Controller(gains(self.manipulator, self.payload, pose), self.lowpass, self.filters)
 
-    def turning_controller(self, turn: Turn) -> TurningController | None:
-        """The controller on a way; None if the mechanism cannot take up its end.  Raises as :meth:`controller`."""
-        first = self.controller(turn.start)
-        try:
-            return TurningController(first, self.controller(turn.end))
-        except (UnreachableOrientationError, KinematicsError):
-            return None
+    def pack(self, **places: int) -> IsolatorWords:
+        """What the steps in C take: places in the buffer; no gains are kept yet."""
+        return IsolatorWords(pack_mechanism(self.manipulator, self.payload), **places)
+
+
+class IsolatorWords(ctypes.Structure):
+    """``Isolator`` of ``native/control/isolator.c``: what its steps take."""
+
+    _fields_ = (
+        ("mechanism", c_double * N_MECHANISM),
+        *((name, c_int64) for name in (
+            "orientation", "kept_orientation", "acceleration", "driven", "filtered", "forces", "enabled",
+        )),
+        ("gains", c_double * (18 + 9 + 9)),
+    )  # fmt: skip
 
 
 def nominal_pose(manipulator: Manipulator, orientation: Array) -> Pose:
@@ -128,12 +93,23 @@ def nominal_pose(manipulator: Manipulator, orientation: Array) -> Pose:
     ------
     UnreachableOrientationError: the three fine legs cannot meet at this orientation.
     """
-    R = rotation_matrix(orientation)
-    found = trilaterate(manipulator.geometry, R)
+    found = inverse_kinematics(manipulator.geometry, orientation)
     if not found.solved:
         degrees = ", ".join(f"{angle:.4g}" for angle in np.degrees(orientation))
         raise UnreachableOrientationError(
             f"orientation ({degrees}) deg: no pose with the fine legs at rest; "
             f"they miss each other by {np.max(np.abs(found.gaps)):.3g} m"
         )
-    return Pose(found.translation_B, R)
+    return Pose(found.translation_B, found.rotation_BP)
+
+
+def pack_mechanism(manipulator: Manipulator, payload: Payload) -> ctypes.Array[c_double]:
+    """``Mechanism`` of ``native/control/mechanism.h``; no gains are kept yet."""
+    legs = manipulator.fine_legs
+    (upper, _), first, second = leg_moments(manipulator.coarse_legs + legs)
+    suspension = [[getattr(leg, name) for leg in legs] for name in ("stiffness", "damping")]
+    numbers = (
+        pack_geometry(manipulator.geometry), np.hstack([upper, *first, second]), suspension, payload.mass,
+        payload.com_P, payload.inertia_P, np.full(3, np.nan),
+    )  # fmt: skip
+    return (c_double * N_MECHANISM)(*np.concatenate([np.ravel(part) for part in numbers]))

@@ -17,17 +17,19 @@ the unit matrix.  Rotations of one axis do not move the others.  As k(s) rolls o
 
 from __future__ import annotations
 
+import ctypes
+from ctypes import c_double, c_int64
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..mechanism.discretisation import zero_order_hold
-from ..mechanism.dynamics import Pose, leg_mass_on, payload_mass
+from ..mechanism.dynamics import Pose, find_fine_mass
 from ..mechanism.kinematics import jacobians
 from ..mechanism.parameters import Manipulator, Parameters, Payload
 from ..mechanism.quantities import Array, Checked, Complex, group, quantity
-from .isolator import known_payload, nominal_pose
+from .isolator import N_MECHANISM, known_payload, nominal_pose, pack_mechanism
 
 #: States of a controller: for each axis the first and second integral of the error, the command and its rate.
 N_STATES = 12
@@ -56,6 +58,16 @@ class LoopDesign(Checked):
         )  # rad/s
         s = np.asarray(s, dtype=complex)
         return np.asarray(wc * (s + wi) / s**2 * wr**2 / (s**2 + 2.0 * self.rolloff_damping_ratio * wr * s + wr**2))
+
+    def matrices(self) -> tuple[Array, Array]:
+        """A (4, 4) and B (4, 1) of ``x' = A x + B e`` of one axis, x = [i, j, w, w'] of :class:`PointingFilter`."""
+        wc, wi, wr = 2.0 * np.pi * np.array(
+            [self.crossover_frequency, self.integral_frequency, self.rolloff_frequency]
+        )  # rad/s
+        A = np.zeros((4, 4))
+        A[1, 0] = A[2, 3] = 1.0
+        A[3] = wr**2 * wc, wr**2 * wc * wi, -(wr**2), -2.0 * self.rolloff_damping_ratio * wr
+        return A, np.eye(4, 1)
 
 
 #: A quarter of the suspension's 5 Hz.  With a tracker of 100 Hz and 10 ms it keeps 9.6 dB of one axis, 7.5 dB of all
@@ -96,28 +108,24 @@ class PointingFilter:
         """Poles at zero, of each axis."""
         return 2 if self.design.integral_frequency else 1
 
-    def matrices(self, *, frozen: bool = False) -> tuple[Array, Array, Array]:
+    def matrices(self) -> tuple[Array, Array, Array]:
         """A, B, C of ``x' = A x + B [e; g]``, ``f = C x``, for e (3, rad) and the excess g of the forces (3, N).
 
         The excess is what a limit cut off.  It goes back to the first integral (back-calculation) through the static
-        gain of the notch, at the rate w_c.  ``frozen``: the integrals stay as they are.
+        gain of the notch, at the rate w_c.
         """
-        return *self._spread(*self._axes(frozen)), self.output_map()
+        return *self._spread(*self.design.matrices()), self.output_map()
 
     def output_map(self) -> Array:
         """C: force from the state, (3, 12)."""
-        d = self.design
-        wr = 2.0 * np.pi * d.rolloff_frequency  # rad/s
-        command = _command(d)  # of v by i and j
-        acceleration = np.concatenate([wr**2 * command, [-(wr**2), -2.0 * d.rolloff_damping_ratio * wr]])
-        C = np.kron(acceleration, self.notch.mass)
+        C = np.kron(self.design.matrices()[0][3], self.notch.mass)
         C[:, 6:9] += self.notch.stiffness
         C[:, 9:12] += self.notch.damping
         return np.asarray(C)
 
-    def hold(self, h: float, *, frozen: bool = False) -> tuple[Array, Array]:
+    def hold(self, h: float) -> tuple[Array, Array]:
         """Ad (12, 12) and Bd (12, 6) of a step of ``h`` (s), for error and excess held over it; exact."""
-        return self._spread(*zero_order_hold(*self._axes(frozen), h))
+        return self._spread(*zero_order_hold(*self.design.matrices(), h))
 
     def _spread(self, A: Array, B: Array) -> tuple[Array, Array]:
         """From one axis to all, and from the excess of the forces, which the static gain of the notch turns."""
@@ -127,23 +135,6 @@ class PointingFilter:
     def response(self, s: ArrayLike) -> Complex:
         """From error (rad, P) to fine force (N), (..., 3, 3)."""
         return np.asarray(self.notch.response(s) * self.design.response(s)[..., None, None])
-
-    def _axes(self, frozen: bool) -> tuple[Array, Array]:
-        """A (4, 4) and B (4, 1) of one axis."""
-        d = self.design
-        wr = 2.0 * np.pi * d.rolloff_frequency  # rad/s
-        A, B = np.zeros((4, 4)), np.zeros((4, 1))
-        A[1, 0] = B[0, 0] = 0.0 if frozen else 1.0
-        A[2, 3] = 1.0
-        A[3, :2] = wr**2 * _command(d)
-        A[3, 2:] = -(wr**2), -2.0 * d.rolloff_damping_ratio * wr
-        return A, B
-
-
-def _command(design: LoopDesign) -> Array:
-    """v = w_c (i + w_i j), the command before the roll-off: its two gains, (2,)."""
-    wc, wi = 2.0 * np.pi * design.crossover_frequency, 2.0 * np.pi * design.integral_frequency  # rad/s
-    return np.array([wc, wc * wi])
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,10 +170,31 @@ class PointingLaw:
         """The notch at a pose."""
         m = self.manipulator
         J = jacobians(m.geometry, pose.translation_B, pose.rotation_BP)
-        legs = leg_mass_on(m.coarse_legs + m.fine_legs, m.geometry, J)
-        mass = J.J_pf.T @ (payload_mass(self.payload, pose.rotation_BP) + legs.alpha) @ J.J_pf
+        mass, _ = find_fine_mass(m, self.payload, pose, J)
         to_elongation = np.linalg.inv(pose.rotation_BP.T @ J.J_theta_f)  # from rotation in P
         damping, stiffness = (
             np.array([[getattr(leg, name)] for leg in m.fine_legs]) for name in ("damping", "stiffness")
         )
         return Notch(mass @ to_elongation, damping * to_elongation, stiffness * to_elongation)
+
+    def pack(self, limit: float, **places: int) -> PointingWords:
+        """What the steps in C take: the force limit, N, and places in the buffer; no gains are kept yet."""
+        proportional, integral, stiffness, damping = self.loop.matrices()[0][3]
+        mechanism = pack_mechanism(self.manipulator, self.payload)
+        return PointingWords(
+            mechanism, **places, limit=limit, proportional=proportional, integral=integral, stiffness=-stiffness,
+            damping=-damping,
+        )
+
+
+class PointingWords(ctypes.Structure):
+    """``Pointing`` of ``native/control/pointing.c``."""
+
+    _fields_ = (
+        ("mechanism", c_double * N_MECHANISM),
+        *((name, c_int64) for name in (
+            "orientation", "kept_orientation", "error", "driving", "filter", "forces", "unlimited", "locked", "enabled",
+        )),
+        *((name, c_double) for name in ("limit", "proportional", "integral", "stiffness", "damping")),
+        ("gains", c_double * 27),
+    )  # fmt: skip

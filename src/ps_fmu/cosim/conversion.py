@@ -59,7 +59,7 @@ def find_conversion(start: Unit | None, end: Unit | None) -> tuple[float, float]
         return 1.0, 0.0
     if start.exponents is None or end.exponents is None:
         unknown = start if start.exponents is None else end
-        raise ValueError(f"the units differ, {start.name!r} and {end.name!r}, and nobody defines {unknown.name!r}")
+        raise ValueError(f"the units differ, {start.name!r} and {end.name!r}, and no file defines {unknown.name!r}")
     if start.exponents != end.exponents:
         raise ValueError(f"the units differ in their dimensions, {start.name!r} and {end.name!r}")
     for unit in (start, end):  # an FMU may state any
@@ -124,9 +124,10 @@ def _make_table(transformation: Transformation, here: End, there: End) -> dict[i
         for text, end in zip(entry, (here, there), strict=True):
             if transformation.kind == "Enumeration":
                 if end.items is None:
-                    raise ValueError(f"nobody defines the enumeration with the item {text!r}")
+                    raise ValueError(f"no file defines the enumeration with the item {text!r}")
                 if text not in end.items:
-                    raise ValueError(f"the enumeration has no item {text!r}; it has {', '.join(end.items)}")
+                    known = ", ".join(end.items)
+                    raise ValueError(f"there is no item {text!r} in the enumeration; expected one of {known}")
                 sides.append(end.items[text])
             else:
                 value = parse_value(transformation.kind, text)
@@ -158,7 +159,7 @@ def resolve_start_values(
         where = f"parameter {component.name}.{name} ({parameter.origin})"
         if name not in variables:
             near = suggest_names(name, [*variables, *(f"{component.name}.{known}" for known in variables)])
-            text = f"{where}: {component.source.name} has no such variable{near}"
+            text = f"{where}: there is no such variable in {component.source.name}{near}"
             (remarks if parameter.bound else problems).append(text + (": ignored" if parameter.bound else ""))
             continue
         variable = variables[name]
@@ -166,13 +167,14 @@ def resolve_start_values(
         if reason:
             problems.append(f"{where}: {reason}")
         if parameter.bound and _is_undefined(parameter, ends[name]):
-            remarks.append(f"{where}: nobody defines the unit {parameter.unit!r}: the value is taken as it is")
+            remarks.append(f"{where}: no file defines the unit {parameter.unit!r}: the value is not converted")
             parameter = replace(parameter, unit=None)
         try:
             values[name] = convert_value(variable, _convert(parameter, ends[name]))
             items = ends[name].items
             if items and values[name] not in items.values():
-                problems.append(f"{where}: the enumeration has no value {values[name]}; it has {list_items(items)}")
+                known = list_items(items)
+                problems.append(f"{where}: expected an item of the enumeration, {known}, got {values[name]}")
         except (UsageError, ValueError) as error:
             problems.append(f"{where}: {error}")
     return values, problems, remarks
@@ -214,5 +216,5 @@ def _find_item(name: str, items: Mapping[str, int] | None) -> int:
     number = parse_value("Integer", name)
     if isinstance(number, int):
         return number
-    known = ", ".join(items) if items else "none that is defined"
-    raise ValueError(f"the enumeration has no item {name!r}; it has {known}")
+    known = ", ".join(items) if items else "none, for no file defines it"
+    raise ValueError(f"there is no item {name!r} in the enumeration; expected one of {known}")

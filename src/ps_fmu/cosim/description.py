@@ -98,7 +98,8 @@ def find_variable(description: ModelDescription, name: str) -> ModelVariable:
     """A variable by name.  Raises :class:`UsageError` with the closest names."""
     variables = index_variables(description)
     if name not in variables:
-        raise UsageError(f"the FMU {description.modelName} has no variable {name!r}{suggest_names(name, variables)}")
+        hint = suggest_names(name, variables)
+        raise UsageError(f"there is no variable {name!r} in the FMU {description.modelName}{hint}")
     return variables[name]
 
 
@@ -131,7 +132,7 @@ def explain_unsettable(variable: ModelVariable, running: bool) -> str | None:
         return None
     if variable.causality == "parameter":
         return "is a fixed parameter: set it before initialisation" if running else None
-    return f"is of causality {variable.causality}: only inputs and parameters can be set"
+    return f"cannot be set: expected an input or a parameter, its causality is {variable.causality}"
 
 
 def convert_value(variable: ModelVariable, value: Value) -> Value:

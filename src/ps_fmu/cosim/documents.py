@@ -98,7 +98,7 @@ def _refuse_repeated(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def _refuse_constant(name: str) -> None:
-    raise ValueError(f"{name} is no number of JSON")
+    raise ValueError(f"{name} is not a number of JSON")
 
 
 def _load_yaml(text: str) -> Any:
@@ -115,7 +115,7 @@ def _load_yaml(text: str) -> Any:
             return [convert(item, depth + 1) for item in node.value]
         if node.id == "mapping":
             if any(key.id != "scalar" for key, _ in node.value):
-                raise ValueError(f"line {node.start_mark.line + 1}: a key is no text")
+                raise ValueError(f"line {node.start_mark.line + 1}: expected a text as key")
             return _refuse_repeated([(key.value, convert(value, depth + 1)) for key, value in node.value])
         value = loader.construct_object(node)
         if isinstance(value, str) and node.style is None and _NUMBER.fullmatch(value):

@@ -49,9 +49,9 @@ class InstancePhase(Enum):
 
 
 _ADVICE = {
-    DISCARD: "Choose a smaller step, or correct the values it objects to.",
-    ERROR: "The instance cannot go on: correct what it complains about and start again.",
-    FATAL: "The FMU is not called again, not even to free it: correct what it complains about and start again, "
+    DISCARD: "Choose a smaller step, or correct the values that the FMU refuses.",
+    ERROR: "The instance cannot continue: correct the cause and start again.",
+    FATAL: "The FMU is not called again, not even to free it: correct the cause and start again, "
     "in a new process if need be.",
     PENDING: "The FMU steps asynchronously, which this master does not support: use a version of the FMU that steps at "
     "once, if its maker has one (canRunAsynchronuously).",
@@ -338,7 +338,7 @@ def quote(messages: Sequence[str]) -> str:
     """The last messages of an FMU as part of an error text."""
     if not messages:
         return "\n  The FMU logged nothing."
-    return "\n  The FMU says:\n" + "\n".join("    " + line.replace("\n", "\n    ") for line in messages)
+    return "\n  Messages of the FMU:\n" + "\n".join("    " + line.replace("\n", "\n    ") for line in messages)
 
 
 def keep_states(instances: Iterable[FmuInstance]) -> dict[FmuInstance, int]:

@@ -128,8 +128,8 @@ def _check_instances(system: System, descriptions: Mapping[str, ModelDescription
         key = component.source.resolve()
         if descriptions[component.name].coSimulation.canBeInstantiatedOnlyOncePerProcess and key in loaded:
             problems.append(
-                f"components {loaded[key]!r} and {component.name!r} both need {component.source.name}, "
-                "which can be instantiated only once per process"
+                f"components {loaded[key]!r} and {component.name!r} both need {component.source.name}, which allows "
+                "one instance per process (canBeInstantiatedOnlyOncePerProcess): remove one of the two"
             )
         loaded.setdefault(key, component.name)
     return problems
@@ -143,7 +143,7 @@ def _check_connectors(
         where = f"line {connector.line}: connector {component.name}.{connector.name}"
         if connector.name not in variables:
             hint = suggest_names(connector.name, variables)
-            problems.append(f"{where}: {component.source.name} has no such variable{hint}")
+            problems.append(f"{where}: there is no such variable in {component.source.name}{hint}")
             continue
         texts = _compare_connector(connector, variables[connector.name], ends[connector.name])
         problems += [f"{where}: {text}" for text in texts]

@@ -22,7 +22,7 @@ log = logging.getLogger("ps_fmu.cosim")
 ROUNDING, CONTROL_WORD = 1, 2
 """What FMUs have changed in this process, as bits of guard.c."""
 _CHANGED_WORD = "the control word of the processor (flush-to-zero, as code of -ffast-math does)"
-_ADVICE = "--isolate gives FMUs processes of their own, and tells which of them does this"
+_ADVICE = "--isolate runs each FMU in a process of its own, and names the FMU that does this"
 _NUMBER_BYTES = 8
 
 _keepers: list[tuple[int, Callable[[], None]]] = []  # of the runs that are under way, with their threads

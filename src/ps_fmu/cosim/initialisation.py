@@ -221,7 +221,7 @@ def solve_initial_loop(bus: InitialBus, ports: Sequence[PortName], iteration: It
             log.info("initial loop of %s: solved after %d passes", ", ".join(members), passes)
             return
     raise ConvergenceError(
-        f"loop of {', '.join(members)}: not solved at the start, t = {bus.start:.9g} s: {', '.join(map(str, moving))} "
-        f"still change after {passes} passes",
+        f"loop of {', '.join(members)}: not solved at the start, t = {bus.start:.9g} s: after {passes} passes these "
+        f"values still change: {', '.join(map(str, moving))}",
         members=members, time=bus.start, variable=str(moving[0]), residual=float("inf"),
     )  # fmt: skip

@@ -30,7 +30,7 @@ def find_binary(component: Component, description: ModelDescription, folder: Pat
         return path
     members = [member.split("/") for member in check_archive(component.source)]
     others = sorted({parts[1] for parts in members if parts[0] == "binaries" and len(parts) > 2})
-    text = f"{_NOT_LOADED.format(component.name)}: the FMU has no binaries/{platform}/{name}; it has binaries for "
+    text = f"{_NOT_LOADED.format(component.name)}: no binaries/{platform}/{name} in the FMU, only binaries for "
     raise SystemFileError(component.source, f"{text}{', '.join(others) or 'none'}: ask its maker for {platform}")
 
 

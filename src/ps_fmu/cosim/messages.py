@@ -71,7 +71,7 @@ class MessageLog:
         text = line.replace("\n", "\n    ")  # none of its lines can be taken for one of ours
         log.warning("%s: %s%s", self.component, text, "" if time is None else f", first at t = {time:.9g} s")
         if len(self._shown) > REMEMBERED:
-            log.warning("%s: too many different messages; the rest is only counted", self.component)
+            log.warning("%s: more different messages than are shown; the rest is counted", self.component)
 
     def list_shown(self) -> list[str]:
         """The texts that have been logged."""

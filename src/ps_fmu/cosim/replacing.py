@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -42,8 +43,8 @@ def _replace(system: System, old: Component, path: Path) -> System:
     lost = dict.fromkeys(wire.source.variable for wire in cut if not fits(wire.source))
     if lost and not any(wire.source.component == old.name for wire in wires):
         raise UsageError(
-            f"--replace: {path.name} cannot take the place of {old.name}: it has none of the outputs that are "
-            f"connected, {list_names(list(lost))}"
+            f"--replace: {path.name} cannot take the place of {old.name}: expected at least one of the outputs that "
+            f"are connected, {list_names(list(lost))}"
         )
     left = [name for name in old.parameters if name not in known]
     fed = {wire.target.variable for wire in wires if wire.target.component == old.name}
@@ -54,12 +55,12 @@ def _replace(system: System, old: Component, path: Path) -> System:
         for name in unfed
         if len(sources := _find_outputs(system, old, name)) == 1
     ]
-    said = [
+    lines = [
         f"{old.name} is {path.name} in place of {old.source.name}",
-        *_say("it gets new connections by name", [_show(wire) for wire in new_wires]),
-        *_say("these connections are left out, as it has no variables for them", [_show(wire) for wire in cut]),
-        *_say("nothing feeds its inputs", sorted({*unfed} - {wire.target.variable for wire in new_wires})),
-        *_say("these values are left out, as it has no variables for them", left),
+        *_list("new connections by name", [_show(wire) for wire in new_wires]),
+        *_list("connections left out, for there is no such variable", [_show(wire) for wire in cut]),
+        *_list("inputs without a connection", sorted({*unfed} - {wire.target.variable for wire in new_wires})),
+        *_list("values left out, for there is no such variable", left),
     ]
     parameters = {name: entry for name, entry in old.parameters.items() if name in known}
     new = replace(old, source=path.absolute(), connectors=(), variables=known, parameters=parameters)
@@ -72,7 +73,7 @@ def _replace(system: System, old: Component, path: Path) -> System:
         connections=(*wires, *new_wires),
         inputs=tuple(one for one in inputs if one.targets),
         outputs=tuple(one for one in system.outputs if fits(one.source)),
-        remarks=(*system.remarks, "; ".join(said)),
+        remarks=(*system.remarks, "\n".join(lines)),
     )
 
 
@@ -107,5 +108,7 @@ def _show(wire: Connection) -> str:
     return f"{wire.source} -> {wire.target}"
 
 
-def _say(what: str, names: Sequence[str]) -> list[str]:
-    return [f"{what}: {list_names(names)}"] if names else []
+def _list(what: str, names: Sequence[str]) -> list[str]:
+    """A line with a few of the names and the number of the others, wrapped; none without names."""
+    text = f"{what}: {list_names(names)}"
+    return [textwrap.fill(text, 100, initial_indent="- ", subsequent_indent="  ")] if names else []

@@ -103,7 +103,7 @@ def read_signals(path: Path) -> dict[str, Signal]:
     except csv.Error as error:
         raise SystemFileError(path, f"is not a CSV file: {error}", rows.line_num) from error
     if not table:
-        raise SystemFileError(path, "there are no rows", 1)
+        raise SystemFileError(path, "expected rows below the head", 1)
     times = np.array([time for time, _ in table])
     return {
         name: Signal(times, [texts[place] for _, texts in table], lines, str(path))
@@ -202,7 +202,7 @@ def _bind(
             text = f"input {name!r}: expected a value of type {start.type}, got {text!r}"
             raise SystemFileError(Path(signal.origin), text, signal.lines[row])
         if start.items and value not in start.items.values():
-            text = f"input {name!r}: the enumeration has no value {value}; it has {list_items(start.items)}"
+            text = f"input {name!r}: expected an item of the enumeration, {list_items(start.items)}, got {value}"
             raise SystemFileError(Path(signal.origin), text, signal.lines[row])
         values[row] = value
     variables = [find_variable(descriptions[port.component], port.variable) for port, _ in targets]
@@ -238,9 +238,9 @@ def _find_open(
     except UsageError:
         known = [*inputs, *_list_open(system, descriptions, connected)]
         hint = suggest_names(name, known) or f"; there are {', '.join(known[:20]) or 'none'}"
-        raise UsageError(f"input {name!r}: the system has no such input{hint}") from None
+        raise UsageError(f"input {name!r}: there is no such input in the system{hint}") from None
     if variable.causality != "input" or port in connected:
-        what = "is connected" if port in connected else f"is of causality {variable.causality}"
+        what = "is connected" if port in connected else f"is not an input, its causality is {variable.causality}"
         raise UsageError(f"input {name!r}: the variable {what}: expected an input that nothing feeds")
     return port
 

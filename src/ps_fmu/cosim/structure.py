@@ -183,7 +183,7 @@ class System:
             if component.name == name:
                 return component
         names = ", ".join(component.name for component in self.components)
-        raise UsageError(f"{self.path}: there is no component {name!r}; the system has {names}")
+        raise UsageError(f"{self.path}: there is no component {name!r}; expected one of {names}")
 
     def find_port(self, name: str) -> PortName:
         """Split ``component.variable``; the component is the longest name that fits, since names may contain dots.
@@ -220,7 +220,8 @@ class System:
             own = changes.get(c.name, {})
             if left := [] if c.variables is None else [name for name in own if name not in c.variables]:
                 own = {name: entry for name, entry in own.items() if name not in left}
-                remarks.append(f"{c.name}: {c.source.name} does not have {list_names(left)}: these values are left out")
+                names = list_names(left)
+                remarks.append(f"{c.name}: {c.source.name} lacks the variables {names}: their values are left out")
             components.append(replace(c, parameters={**c.parameters, **own}))
         return replace(self, components=tuple(components), remarks=tuple(remarks))
 
@@ -273,7 +274,7 @@ def parse_port(name: str) -> PortName:
     """``component.variable`` taken apart.  Raises :class:`UsageError` for a name of another form."""
     component, dot, variable = name.partition(".")
     if not (dot and variable and COMPONENT_NAME.fullmatch(component)):
-        raise UsageError(f"{name!r} is not of the form component.variable")
+        raise UsageError(f"expected a name of the form component.variable, got {name!r}")
     return PortName(component, variable)
 
 
@@ -328,7 +329,7 @@ def decode_system(path: Path) -> System:
     try:
         return replace(msgspec.json.decode(content, type=System, dec_hook=find_inside), path=Path(WHERE))
     except (ValueError, TypeError, RecursionError) as error:
-        raise SystemFileError(path, f"is no system of a study: {error!r}") from error
+        raise SystemFileError(path, f"is not a system of a study: {error!r}") from error
 
 
 def _simplify(component: Component, source: str) -> Component:

@@ -8,7 +8,6 @@ number of different FMUs, not on how often they are instantiated.
 
 from __future__ import annotations
 
-import gc
 import itertools
 import os
 import shutil
@@ -25,8 +24,10 @@ from pathlib import Path
 
 from fmpy import platform
 
+from ..child_processes import collect_rarely
 from ..files.archive import extract
 from ..files.plain import compute_file_digest
+from ..native import find_platform
 from .errors import SystemFileError
 
 LOCK = ".in-use"
@@ -119,7 +120,7 @@ def _is_abandoned(lock: Path) -> bool:
 
 _NUMBERS = itertools.count(1)
 _SYSTEMS = ("linux", "win", "darwin")  # the names of platforms in FMI 2.0 begin with them
-_NEW_OBJECTS = 100_000  # before the garbage collector looks; four of our FMUs make 35 thousand
+_KEPT = f"{find_platform()}/", "__pycache__/"  # in the folder ``native`` of an FMU of ps_fmu
 _LAST = -100  # of multiprocessing's finalizers: after its child processes have been joined
 
 
@@ -192,19 +193,14 @@ def discard_unpacked(folder: Path) -> None:
 def ease_imports() -> Iterator[None]:
     """Let FMUs in Python import their modules with nothing else to do.
 
-    What they are compiled to is not written: no other process reads it, for the folders go with this one.  The garbage
-    collector looks rarely: what modules make remains, and to look through all of it costs a tenth of a start.
+    What they are compiled to is not written: no other process reads it, for the folders go with this one.
     """
-    with _imports_lock:
+    with _imports_lock, collect_rarely():
         before, sys.dont_write_bytecode = sys.dont_write_bytecode, True
-        often, *rarely = gc.get_threshold()
-        if often:
-            gc.set_threshold(max(often, _NEW_OBJECTS), *rarely)
         try:
             yield
         finally:
             sys.dont_write_bytecode = before
-            gc.set_threshold(often, *rarely)
 
 
 def _forget(store: _Store, folder: Path) -> None:
@@ -228,9 +224,13 @@ def _unpack(archive: Path, digest: str, folder: Path) -> Path:
 def _is_for_running(member: str) -> bool:
     """Whether an FMU may need a member of its archive here: not its documentation, nor libraries for other systems.
 
-    An FMU is told only where its resources are, and its library knows where it lies itself.
+    An FMU is told only where its resources are, and its library knows where it lies itself.  Those of ps_fmu have more
+    libraries in their resources, in folders of the platforms' names: see :mod:`..native`.
     """
     top, _, rest = member.partition("/")
+    if top == "resources":
+        package, _, library = rest.partition("/native/")
+        return not (library.count("/") == 1 and package.startswith("ps_fmu_")) or library.startswith(_KEPT)
     others = [name for name in _SYSTEMS if not platform.startswith(name)]
     return top != "documentation" and not (top == "binaries" and rest.startswith(tuple(others)))
 

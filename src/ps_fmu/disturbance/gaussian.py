@@ -1,177 +1,106 @@
-"""Endless Gaussian noise with a given spectrum of force and torque, as a function of time and seed alone."""
+"""Endless Gaussian noise with a given spectrum of force and torque, as a function of time and seed alone.
+
+Samples of a block are made phase by phase, every P-th sample by a transform of its own.  With N = P n, sample number
+P m + j of ``Re sum_k c_k exp(2 pi i k (P m + j) / N)`` is sample number m of
+``Re sum_k (c_k exp(2 pi i k j / N)) exp(2 pi i k m / n)``: a transform of n points, in which lines above n/2 appear as
+their aliases.  One of 2500 points takes 10 us, one of 50 000 takes 400 us: so steps can make the next block in parts.
+"""
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Iterator
-from dataclasses import dataclass
+from ctypes import addressof
 from functools import lru_cache
 from itertools import pairwise
+from typing import ClassVar
 
 import numpy as np
 
-from ..mechanism.quantities import Array
+from ..mechanism.quantities import Array, Complex
 from ..numerics import library
-from ..numerics.calls import Calls, Pair
-from ..numerics.normal import Stream, make_key
-from .sample_table import SampleTable, make_calls
-from .spectrum import Inputs, Layer, Weight, crossfade, layers, ramp, share
-from .synthesis import LayerLines, Synthesis, make_synthesis
+from ..numerics.library import find_address
+from ..numerics.normal import Stream, make_key, make_words
+from .kind import Source
+from .spectrum import Inputs, Layer, Weight, crossfade, layers, share
 
-_MOST_SPARE = 2  # blocks of a layer, as many as a source begins with
+_MOST_POINTS = 2500  # of a transform
+_CHANNELS, _LANES = 6, 8  # as in numerics.h
+_BEHIND = 3  # numbers that the compiled function may write behind the last
 _MANY_CYCLES = 25.0
 """A line with so many cycles while it fades in or out needs no correction: of its impulse 4e-7 is left, since the steps
 of :mod:`.spectrum` have four smooth derivatives.  Blocks of the fast layer, which has lines from 15 Hz on, then cost a
 third; they are off the corrected ones by 1.6 % of a line at 15 Hz and by less above, while they fade."""
 
 
-class _LayerTables:
-    """What all blocks of a layer share, whatever the seed: 5 MB for 0.1 to 1000 Hz; ``amplitudes`` (sources, lines)."""
-
-    def __init__(self, layer: Layer, rise_time: float, amplitudes: Array) -> None:
-        self._rise_time = rise_time
-        cycles = layer.frequencies.min() * min(rise_time, 0.5 * layer.period)
-        self.lines = LayerLines(layer, 1 if cycles >= _MANY_CYCLES else 3, amplitudes)  # g'', or g'', g' and g
-        self._elapsed = self._split(np.arange(layer.points) / layer.rate)
-        """Time since the start of a block, (phases, points), s."""
-        window = crossfade(np.arange(layer.points) / layer.rate, 0.5 * layer.period)
-        phases = zip(*map(self._split, window), strict=True)
-        self.windows = np.stack([self._stack(Weight(*rows)) for rows in phases])
-        """What g'', g' and g of a block that does not rise are multiplied by, (phases, terms, points)."""
-        self._weights = window
-        self._rising: dict[tuple[float, int], Array] = {}
-        # Sources in other threads take from these, too: each method of a deque is one step for them.
-        self.spare: dict[bytes, deque[Synthesis]] = {}
-        """By the instructions that are used."""
-        self.spare_rows: deque[Array] = deque(maxlen=_MOST_SPARE)
-
-    def is_rising(self, start: float) -> bool:
-        """Whether sizes of a block that starts at ``start`` (s) are its own: they take some time."""
-        return start < self._rise_time
-
-    def get_sizes(self, start: float, phase: int) -> Array:
-        """What g'', g' and g of a rising block that starts at ``start`` (s) are multiplied by, (terms, points)."""
-        found = self._rising.get((start, phase))  # of the two blocks that every simulation begins with
-        if found is None:
-            rising = ramp(start + self._elapsed[phase], self._rise_time)
-            window = Weight(*(self._split(weight)[phase] for weight in self._weights))
-            found = self._stack(window.times(rising))
-            if len(self._rising) < 2 * self.lines.phases:
-                self._rising[start, phase] = found
-        return found
-
-    def _stack(self, weight: Weight) -> Array:
-        return np.stack([weight.value, 2.0 * weight.rate, weight.curvature][: self.lines.n_terms])
-
-    def _split(self, values: Array) -> Array:
-        return np.ascontiguousarray(values.reshape(-1, self.lines.phases).T)
-
-
-@lru_cache(maxsize=2)  # both layers of one source: a reset, or another source, saves 40 of 60 ms
-def _make_tables(
-    key: int, rate: float, period: float, numbers: bytes, rise_time: float, amplitudes: bytes
-) -> _LayerTables:
-    layer = Layer(key, rate, period, np.frombuffer(numbers, np.int64))
-    return _LayerTables(layer, rise_time, np.frombuffer(amplitudes).reshape(-1, layer.numbers.size))
-
-
-class BlockShape:
-    """What all blocks of a layer share.
-
-    ``rise_time``: of the ramp from 0 at t = 0, s.
-    """
-
-    def __init__(self, layer: Layer, inputs: Inputs, rise_time: float) -> None:
-        self.layer, self.factor = layer, np.ascontiguousarray(inputs.factor)
-        amplitudes = share(layer) * inputs.root(layer.frequencies)
-        self.tables = _make_tables(
-            layer.key, layer.rate, layer.period, layer.numbers.tobytes(), rise_time, amplitudes.tobytes()
-        )
-        # Of the layer, not of the shape: a source that is reset need not fetch its memory from the system again.
-        instructions = library.find_arithmetic().instructions
-        self._spare = self.tables.spare.setdefault(instructions, deque(maxlen=1))
-        self._spare_rows = self.tables.spare_rows
-        synthesis = self.take_synthesis()
-        self.n_parts = 3 + synthesis.n_parts
-        """In which a block is made, at most, but for its rise."""
-        self.give_back(synthesis)
-
-    def take_synthesis(self) -> Synthesis:
-        """What makes one block, to be given back: fresh memory costs as much time as what is done in it."""
-        try:
-            return self._spare.pop()
-        except IndexError:
-            return make_synthesis(self.tables.lines)
-
-    def give_back(self, synthesis: Synthesis) -> None:
-        """Keep room for the next block."""
-        self._spare.append(synthesis)
-
-    def take_rows(self) -> Array | None:
-        """Rows of a block that is not used any more; None: there are none."""
-        try:
-            return self._spare_rows.pop()
-        except IndexError:
-            return None
-
-    def recycle(self, table: SampleTable) -> None:
-        """Keep the memory of a block that nobody uses any more."""
-        self._spare_rows.append(table.values)
-
-
-@dataclass(eq=False)
-class Block:
-    """A block that is being made.
+class LayerLines:
+    """What all blocks of a layer share, whatever the seed: 5 MB for 0.1 to 1000 Hz.
 
     Parameters
     ----------
-    key: of its random numbers.
-    start: s.
+    n_terms: how many integrals of a block are needed: g'', or g'', g' and g.
+    amplitudes: of each line of each independent source, (sources, lines).
+
+    Attributes
+    ----------
+    gains: what a line is multiplied by for each integral, (n_terms, lines).
+    phases: P.  Phase j has the samples j, j + P, ...
+    points: n, samples of a phase.
+    turns: exp(2 pi i k j / N) of line k and phase j, (phases, lines).
+    roots: exp(2 pi i m / n), (points,).
+    windows: what the integrals of a block that does not rise are multiplied by, (phases, n_terms, points).
     """
 
-    shape: BlockShape
-    key: tuple[int, ...]
-    start: float
+    def __init__(self, layer: Layer, n_terms: int, amplitudes: Array) -> None:
+        self.layer, self.n_terms, self.amplitudes = layer, n_terms, np.ascontiguousarray(amplitudes)
+        total, numbers = layer.points, layer.numbers
+        self.points = max(n for n in range(2, _MOST_POINTS + 1, 2) if total % n == 0)
+        self.phases = total // self.points
+        roots = np.exp(2j * np.pi / total * np.arange(total))
+        self.turns = roots[np.outer(np.arange(self.phases), numbers) % total]
+        self.roots = np.ascontiguousarray(roots[:: self.phases])
+        # Runs of lines that go to bins side by side: up from 0 to n/2, then down again, and so on.
+        runs = 2 * numbers // self.points
+        edges = [0, *(np.flatnonzero(np.diff(runs)) + 1).tolist(), numbers.size]
+        self._runs = (library.Run * (len(edges) - 1))()
+        for found, (first, end) in zip(self._runs, pairwise(edges), strict=True):
+            place, mirrored = int(numbers[first]) % self.points, int(runs[first]) % 2
+            found.first, found.end, found.mirrored = first, end, mirrored
+            found.bin = self.points - place if mirrored else place
+        once = (2 * numbers) % self.points == 0  # a transform counts a line at 0 or n/2 once, all others twice
+        orders = np.arange(n_terms)[:, np.newaxis]
+        gain = np.where(once, 1.0, 0.5) * self.points
+        self.gains: Complex = gain / (2j * np.pi * layer.frequencies) ** orders
+        self.windows = self._make_windows()
+        arrays = self.amplitudes, self.gains, self.turns, self.roots
+        self.words = library.Lines(
+            *map(find_address, arrays), addressof(self._runs),
+            numbers.size, n_terms, self.phases, self.points, len(self._runs),
+        )  # fmt: skip
 
-    table: SampleTable | None = None
-    """When :meth:`make` has ended."""
-
-    @property
-    def n_parts(self) -> int:
-        """In which it is made, at most; the last is to keep it."""
-        tables = self.shape.tables
-        return self.shape.n_parts + (tables.lines.phases if tables.is_rising(self.start) else 0)
-
-    def make(self) -> Iterator[Calls | None]:
-        """Make it; yields None after each part, or calls."""
-        shape, tables = self.shape, self.shape.tables
-        synthesis = shape.take_synthesis()
-        yield None
-        spare = shape.take_rows()
-        rows = np.empty((shape.layer.points, len(shape.factor))) if spare is None else spare
-        sizes = tables.windows
-        if tables.is_rising(self.start):
-            sizes = np.empty_like(tables.windows)
-            for phase in range(len(sizes)):
-                sizes[phase] = tables.get_sizes(self.start, phase)
-                yield None
-        yield None
-        yield from synthesis.make(self.key, shape.factor, sizes, rows, clear=spare is None)
-        shape.give_back(synthesis)
-        self.table = SampleTable(rows, shape.layer.rate, self.start)
+    def _make_windows(self) -> Array:
+        layer = self.layer
+        window = crossfade(np.arange(layer.points) / layer.rate, 0.5 * layer.period)
+        phases = zip(*(weight.reshape(-1, self.phases).T for weight in window), strict=True)
+        weights = [Weight(*rows) for rows in phases]
+        return np.array([[w.value, 2.0 * w.rate, w.curvature][: self.n_terms] for w in weights])
 
 
-_ROWS = 1024  # read by a call: 20 us, twice that where their memory is new
-_KEPT = 3  # blocks per layer: two are alive at any time, and one is about to be
+@lru_cache(maxsize=2)  # both layers of one source: a reset, or another source, saves 40 of 60 ms
+def _make_lines(
+    key: int, rate: float, period: float, numbers: bytes, rise_time: float, amplitudes: bytes
+) -> LayerLines:
+    layer = Layer(key, rate, period, np.frombuffer(numbers, np.int64))
+    cycles = layer.frequencies.min() * min(rise_time, 0.5 * layer.period)
+    n_terms = 1 if cycles >= _MANY_CYCLES else 3
+    return LayerLines(layer, n_terms, np.frombuffer(amplitudes).reshape(-1, layer.numbers.size))
 
 
-class GaussianNoise:
+class GaussianNoise(Source):
     """f(t) = d2/dt2 sum_i W w_i G_i: independent blocks of lines, faded into each other and in from rest.
 
     Block i lives for one period of its lines, fades in over the first half and out over the second (equal
     power); its lines have complex Gaussian amplitudes drawn from (seed, layer, i).  Hence any time can be
     computed on its own, nothing repeats, and a free body of mass m that f pushes from rest is at
-    sum_i W w_i G_i / m: it never drifts.  Of fast lines W and w_i are left underived (:mod:`.gaussian` says why).
+    sum_i W w_i G_i / m: it never drifts.  Of fast lines W and w_i are left underived.
 
     Parameters
     ----------
@@ -182,127 +111,43 @@ class GaussianNoise:
     rise_time: of the ramp W from 0 at t = 0, s.
     """
 
+    function: ClassVar[str] = "add_noise"
+
     def __init__(
         self, psd: Array | Inputs, band: Array, seed: int, period: float = 100.0, rise_time: float = 2.0
     ) -> None:
-        self._seed = seed
-        self._layers = layers(band, period, half=False, overlap=True)
-        inputs = Inputs.of(psd)
-        self._shapes = {layer.key: BlockShape(layer, inputs, rise_time) for layer in self._layers}
-        self._blocks: dict[int, dict[int, SampleTable]] = {layer.key: {} for layer in self._layers}
+        inputs, found = Inputs.of(psd), layers(band, period, half=False, overlap=True)
+        words, self._kept = (library.NoiseLayer * len(found))(), list[object]()
+        for layer, each in zip(found, words, strict=True):
+            self._describe(layer, inputs, seed, rise_time, each)
+        self.shortest_hop = min(0.5 * layer.period for layer in found)
+        """Time from one block of a layer to the next, s."""
+        self.words = library.Noise(addressof(words), len(words))
+        self.words.kept = words
 
-    def __call__(self, time: Array) -> Array:
-        """Force (N) and torque (N.m) at ascending times (n,) in s, shape (n, 6)."""
-        wrench = np.zeros((time.size, 6))
-        for _ in self.add(wrench, time):
-            pass
-        return wrench
-
-    def __del__(self) -> None:
-        """The next source takes over the memory of the blocks: 2100 pages, 4 of 27 ms at its start."""
-        for key, blocks in getattr(self, "_blocks", {}).items():
-            for table in blocks.values():
-                self._shapes[key].recycle(table)
-
-    def count_parts(self, n: int) -> int:
-        """How often :meth:`add` nearly always yields for so many times."""
-        return len(self._layers) * -(-n // _ROWS)
-
-    def add(self, wrench: Array, time: Array, *, clear: bool = False) -> Iterator[Calls | None]:
-        """Add force and torque at ascending times (n,) in s to ``wrench`` (n, 6), in parts, or in calls.
-
-        ``clear``: to zeros, whatever is there.
-        """
-        time = np.ascontiguousarray(time, dtype=np.float64)
-        work: list[Pair] = []
-        kept: list[object] = [wrench]
-        for layer in self._layers:
-            stretches = _find_stretches(layer, time)
-            for index, part in stretches:
-                known = self._blocks[layer.key]
-                if len(stretches) > 1:  # once in a while, by code that is in no cache
-                    yield None
-                if work and not (index in known and index + 1 in known):
-                    # A block that is made now may take the place of one that the calls read.
-                    yield from Calls(work, *kept)
-                    work, kept = [], [wrench]
-                blocks = [self._get(layer, i).values for i in (index, index + 1)]
-                begin, shifts = index * 0.5 * layer.period, [layer.points // 2, 0]
-                made, used = make_calls(
-                    wrench[part], time[part], blocks, shifts, begin, layer.rate, _ROWS, clear=clear
-                )
-                work += made
-                kept += used
-            clear = False
-        yield from Calls(work, *kept)
-
-    def prepare(self, time: Array) -> Iterator[int | Calls]:
-        """Make the blocks for ascending times (n,) in s in small parts; yields how many are still to come, or calls.
-
-        Makes none where more are needed than are kept.
-        """
-        needed = [
-            (layer, sorted({i for index, _ in _find_stretches(layer, time) for i in (index, index + 1)}))
-            for layer in self._layers
-        ]
-        missing = [
-            (layer, index, self._begin(layer, index))
-            for layer, indices in needed
-            for index in indices
-            if len(indices) <= _KEPT and index not in self._blocks[layer.key]
-        ]
-        left = sum(block.n_parts for _, _, block in missing)
-        for layer, index, block in missing:
-            last = left - block.n_parts
-            for made in block.make():
-                left -= 1 if made is None else 1 + made.left
-                yield left if made is None else made.put_before(left - 1)
-            left = last
-            self._keep(layer, block, index)
-            yield left
-
-    def _get(self, layer: Layer, index: int) -> SampleTable:
-        """Block ``index``; what another call needs may have replaced it."""
-        return self._blocks[layer.key].get(index) or self._finish(layer, self._begin(layer, index), index)
-
-    def _begin(self, layer: Layer, index: int) -> Block:
-        """Block ``index``, which lives from (index - 1) to (index + 1) half periods."""
-        key = make_key(Stream.GAUSSIAN, self._seed, layer.key, index % 2**32)
-        return Block(self._shapes[layer.key], key, (index - 1) * 0.5 * layer.period)
-
-    def _finish(self, layer: Layer, block: Block, index: int) -> SampleTable:
-        for _ in block.make():
-            pass
-        return self._keep(layer, block, index)
-
-    def _keep(self, layer: Layer, block: Block, index: int) -> SampleTable:
-        known, recycle = self._blocks[layer.key], self._shapes[layer.key].recycle
-        assert block.table is not None
-        if index in known:  # another call has made it meanwhile
-            recycle(block.table)
-            return known[index]
-        if len(known) >= _KEPT:
-            # The oldest but for the neighbours, one of which may be in use: a source in another thread may take it.
-            recycle(known.pop(next(i for i in known if abs(i - index) > 1)))
-        known[index] = block.table
-        return block.table
-
-
-def _find_stretches(layer: Layer, time: Array) -> list[tuple[int, slice]]:
-    """The parts of ascending times (n,) in which the same two blocks are alive, and the number of the older one."""
-    if not time.size:
-        return []
-    hop = 0.5 * layer.period
-    first, last = int(float(time[0]) // hop), int(float(time[-1]) // hop)
-    if first == last:  # as nearly always
-        return [(first, slice(0, time.size))]
-    if last == first + 1:  # not by all quotients: those of 4096 times take 50 us
-        edge = int(time.searchsorted(last * hop))  # but for rounding
-        while float(time[edge - 1]) // hop >= last:
-            edge -= 1
-        while float(time[edge]) // hop < last:
-            edge += 1
-        return [(first, slice(0, edge)), (last, slice(edge, time.size))]
-    hops = time // hop
-    edges = [0, *(np.flatnonzero(np.diff(hops)) + 1).tolist(), time.size]
-    return [(int(hops[start]), slice(start, end)) for start, end in pairwise(edges)]
+    def _describe(
+        self, layer: Layer, inputs: Inputs, seed: int, rise_time: float, words: library.NoiseLayer
+    ) -> None:
+        """The layer for compiled functions, with room for its blocks: touched here, since fresh memory costs time."""
+        amplitudes = share(layer) * inputs.root(layer.frequencies)
+        lines = _make_lines(
+            layer.key, layer.rate, layer.period, layer.numbers.tobytes(), rise_time, amplitudes.tobytes()
+        )
+        n, sources = layer.numbers.size, len(amplitudes)
+        rooms = {
+            "draws": np.empty(2 * sources * n + _BEHIND),
+            # Each group has six spectra: one integral of all channels, or three of two.
+            "terms": library.allocate(lines.n_terms * n * 2 * _LANES),
+            "room": library.allocate((lines.points + 2) * 2 * _LANES),
+            "sizes": np.empty(lines.n_terms * lines.points),
+            "factor": np.ascontiguousarray(inputs.factor),
+            "windows": lines.windows,
+        }
+        blocks = [np.full((layer.points, _CHANNELS), 0.0) for _ in range(library.BLOCKS)]
+        key = make_words(make_key(Stream.GAUSSIAN, seed, layer.key, 0))  # the block follows
+        for name, array in rooms.items():
+            setattr(words, name, find_address(array))
+        words.lines, words.rows[:], words.number[:] = lines.words, list(map(find_address, blocks)), [library.NONE] * 3
+        words.words, words.n_words, words.sources, words.making = addressof(key), len(key), sources, library.NONE
+        words.power, words.rate, words.period, words.rise_time = 2.0 / layer.period, layer.rate, layer.period, rise_time
+        self._kept += [lines, rooms, blocks, key]

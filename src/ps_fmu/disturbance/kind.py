@@ -3,17 +3,50 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Sequence
+from ctypes import Structure, addressof, byref
 from dataclasses import dataclass
+from math import inf
 from typing import ClassVar
+
+import numpy as np
 
 from ..mechanism.parameters import Parameters
 from ..mechanism.quantities import Array, Checked, group, quantity
+from ..numerics import library
+from ..numerics.library import find_address
 
-Source = Callable[[Array], Array]
-"""Times (n,), s -> force and torque (n, 6), N and N.m in B at its origin.  An attribute ``rows_at_once`` says for how
-many times it is called in a step, at most, so that they take less than 60 us; without it, 256.  A method ``make_calls``
-of rows (n, 6), contiguous, and times (n,) gives calls that add the wrench to the rows; or None."""
+
+class Source:
+    """A wrench as a function of time, made by a compiled function."""
+
+    function: ClassVar[str]
+    """Its name in :class:`.library.Arithmetic`."""
+    words: Structure
+    """What it takes, with all that it points to."""
+
+    def __call__(self, time: Array) -> Array:
+        """Force (N) and torque (N.m) in B at its origin at ascending times (n,) in s, shape (n, 6)."""
+        return evaluate(make_sum([self]), time)
+
+
+def make_sum(sources: Sequence[Source]) -> library.Source:
+    """The sum of some sources for compiled functions: one for arrays of times, and the element of a step."""
+    found = library.find_arithmetic()
+    parts = (library.AddedSource * len(sources))()
+    for part, source in zip(parts, sources, strict=True):
+        part.add, part.source = getattr(found, source.function), addressof(source.words)
+    words = library.Source(addressof(parts), len(sources), latest=inf, shortest=inf)
+    words.kept = parts, tuple(sources)
+    return words
+
+
+def evaluate(words: library.Source, time: Array) -> Array:
+    """Force (N) and torque (N.m) of a sum at ascending times (n,) in s, shape (n, 6)."""
+    time = np.ascontiguousarray(time, dtype=np.float64)
+    wrench = np.empty((time.size, 6))
+    library.find_arithmetic().add_sources(byref(words), find_address(time), time.size, find_address(wrench))
+    return wrench
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,18 +95,6 @@ class Kind(Checked, ABC):
         """What a user should know of the settings, whatever the steps are; None: nothing."""
         return None
 
-    def explain_aliasing(self, h: float) -> str | None:
-        """What is wrong with steps of ``h`` (s), and what to do; None: nothing."""
+    def find_highest(self) -> tuple[float, str] | None:
+        """The highest frequency, Hz, and what has it; "": noise up to there.  None: nothing acts, or without an end."""
         return None
-
-
-def explain_folding(what: str, frequency: float, h: float) -> str | None:
-    """What steps of ``h`` (s) make of a line of ``frequency`` (Hz): sampled above half the step rate, it folds down."""
-    rate = 1.0 / h
-    if frequency <= 0.5 * rate:
-        return None
-    folded = abs(frequency - rate * round(frequency / rate))
-    return (
-        f"{what} at {frequency:.5g} Hz is above half the rate of steps of {h:g} s: it acts at {folded:.5g} Hz instead; "
-        f"take steps below {0.5 / frequency:.2g} s"
-    )

@@ -13,18 +13,23 @@ spacecraft is within 0.3 % of that of independent inputs, whatever the seed.
 
 from __future__ import annotations
 
+from ctypes import addressof
+from typing import ClassVar
+
 import numpy as np
 from numpy.typing import NDArray
 
 from ..mechanism.quantities import Array, Complex
+from ..numerics import library
 from ..numerics.normal import Stream, make_key
+from .kind import Source
 from .sample_table import SampleTable
 from .spectrum import Inputs, Layer, layers, ramp
 
 _MARGIN = 4  # grid points beyond both ends of the start-up, for interpolation
 
 
-class Multisine:
+class Multisine(Source):
     """f(t) = d2/dt2 (W G): lines of fixed amplitude at (k + 1/2)/T, their phases seeded and orthogonal.
 
     Lines at half-integer multiples of 1/T are orthogonal over any window of length T, and the lowest one does
@@ -40,35 +45,31 @@ class Multisine:
     rise_time: of the ramp W from 0 at t = 0, s.
     """
 
+    function: ClassVar[str] = "add_multisine"
+
     def __init__(
         self, psd: Array | Inputs, band: Array, seed: int, period: float = 100.0, rise_time: float = 2.0
     ) -> None:
-        self._rise_time = rise_time
-        self._steady: list[SampleTable] = []
-        self._start: list[SampleTable] = []
         inputs = Inputs.of(psd)
-        for layer in layers(band, period, half=True, overlap=False):
-            self._add(layer, inputs, seed)
+        tables = [
+            _make_tables(layer, inputs, seed, rise_time) for layer in layers(band, period, half=True, overlap=False)
+        ]
+        pairs = (library.RisingTable * len(tables))(
+            *(library.RisingTable(rising.words, steady.words) for rising, steady in tables)
+        )
+        self.words = library.Multisine(addressof(pairs), len(tables), rise_time)
+        self.words.kept = pairs, tables
 
-    def __call__(self, time: Array) -> Array:
-        """Force (N) and torque (N.m) at ascending times (n,) in s, shape (n, 6)."""
-        wrench = np.zeros((time.size, 6))
-        first, risen = np.searchsorted(time, [0.0, self._rise_time])
-        for start, steady in zip(self._start, self._steady, strict=True):
-            wrench[first:risen] += start(time[first:risen])
-            wrench[risen:] += steady(time[risen:])
-        return wrench
 
-    def _add(self, layer: Layer, inputs: Inputs, seed: int) -> None:
-        lines = _amplitudes(layer, inputs, seed)
-        g, g_1, g_2 = (layer.sample(lines, integrals) for integrals in (2, 1, 0))
-        self._steady.append(SampleTable(g_2, layer.rate))
-        # While W rises: d2/dt2 (W G), exactly zero at the start.
-        index = np.arange(-_MARGIN, int(np.ceil(self._rise_time * layer.rate)) + _MARGIN + 1)
-        weight = ramp(index / layer.rate, self._rise_time)
-        rows = np.mod(index, layer.points)
-        rising = weight.second_derivative(g[rows], g_1[rows], g_2[rows])
-        self._start.append(SampleTable(rising, layer.rate, index[0] / layer.rate))
+def _make_tables(layer: Layer, inputs: Inputs, seed: int, rise_time: float) -> tuple[SampleTable, SampleTable]:
+    """What is read while W rises, d2/dt2 (W G), exactly zero at the start, and afterwards."""
+    lines = _amplitudes(layer, inputs, seed)
+    g, g_1, g_2 = (layer.sample(lines, integrals) for integrals in (2, 1, 0))
+    index = np.arange(-_MARGIN, int(np.ceil(rise_time * layer.rate)) + _MARGIN + 1)
+    weight = ramp(index / layer.rate, rise_time)
+    rows = np.mod(index, layer.points)
+    rising = weight.second_derivative(g[rows], g_1[rows], g_2[rows])
+    return SampleTable(rising, layer.rate, index[0] / layer.rate), SampleTable(g_2, layer.rate)
 
 
 def multisine_lines(

@@ -155,12 +155,6 @@ class NoiseSettings(Noise, Kind):
             f"{100.0 * cut:.0f} % of the mean square of an axis"
         )
 
-    def explain_aliasing(self, h: float) -> str | None:
-        """Steps that sample below twice the upper edge of the band."""
-        if not (self.enabled and self.band[1] * h > 0.5):
-            return None
-        return (
-            f"noise up to {self.band[1]:g} Hz in steps of {h:g} s: what lies above {0.5 / h:g} Hz is "
-            f"taken for lower frequencies; set noise.band.max to {0.4 / h:g} Hz or less, or make steps of "
-            f"{0.4 / self.band[1]:.2g} s"
-        )
+    def find_highest(self) -> tuple[float, str] | None:
+        """The upper edge of the band."""
+        return (float(self.band[1]), "") if self.enabled else None

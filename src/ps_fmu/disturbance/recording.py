@@ -15,7 +15,9 @@ import numpy as np
 
 from ..mechanism.parameters import Parameters
 from ..mechanism.quantities import Array, ParameterError, quantity
-from .kind import Kind, SharedSettings
+from ..numerics import library
+from ..numerics.library import find_address
+from .kind import Kind, SharedSettings, Source
 from .spectrum import Weight, ramp
 
 MAX_BYTES = 512 * 1024**2
@@ -157,7 +159,7 @@ class Impulses(NamedTuple):
     """(..., 6), N.s2 and N.m.s2: how far a free body of mass and inertia one has moved."""
 
 
-class Recording:
+class Recording(Source):
     """Linear interpolation in a file with one line of names and units, then one line per instant.
 
     The names are those of :data:`HEADER`, in any order; other columns are ignored.  Times increase strictly.
@@ -181,6 +183,8 @@ class Recording:
     ------
     ParameterError: the file cannot be used; the text says why, with the number of the line.
     """
+
+    function: ClassVar[str] = "add_recording"
 
     def __init__(
         self,
@@ -208,6 +212,9 @@ class Recording:
         elif fade_in:
             first = _Rows(steady.time, ramp(steady.time - steady.begin, fade_in).value[:, None] * steady.wrench)
         self._first, self._steady = first, steady if repeat else first
+        tracks = [rows.describe() for rows in (self._first, self._steady)]
+        self.words = library.Recording(*tracks, repeat, self._first is not self._steady)
+        self.words.kept = self._first, self._steady
 
     @property
     def span(self) -> tuple[float, float]:
@@ -238,22 +245,6 @@ class Recording:
         """
         rows = self._first
         return (rows.cut(rows.begin, min(end, rows.end)) if end > rows.begin else rows).integrate().second
-
-    def __call__(self, time: Array) -> Array:
-        """Force (N) and torque (N.m) in B at its origin at the times (n,) in s, shape (n, 6)."""
-        first, last = self.span
-        if self.repeats:
-            wrench = self._steady.interpolate(first + np.mod(time - first, last - first))
-            if self._first is not self._steady:
-                begun = (time >= first) & (time < last)
-                wrench[begun] = self._first.interpolate(time[begun])
-                wrench[time < first] = 0.0
-            return wrench
-        wrench = self._first.interpolate(np.clip(time, first, last))
-        # The slack is for times that are sums of steps: the last line acts.
-        slack = 1e-9 * (last - first)
-        wrench[(time < first - slack) | (time > last + slack)] = 0.0
-        return wrench
 
     def integrate(self, end: float) -> Impulses:
         """What is left behind at a time, s, by a recording that acts from t = 0 or its first line on."""
@@ -291,6 +282,10 @@ class _Rows:
     def end(self) -> float:
         """s."""
         return float(self.time[-1])
+
+    def describe(self) -> library.Track:
+        """For compiled functions, as long as these rows live."""
+        return library.Track(find_address(self.time), find_address(self.wrench), self.time.size)
 
     def interpolate(self, at: Array) -> Array:
         """(k, 6) at times (k,), s, between the first and the last."""

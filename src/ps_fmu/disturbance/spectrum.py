@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import count
 from typing import NamedTuple
 
 import numpy as np
@@ -152,7 +153,8 @@ def layers(band: Array, period: float, *, half: bool, overlap: bool) -> list[Lay
     period: slow lines are 1/period apart, s; rounded to the grid of the slow layer, where layers
         overlap to an even number of points.
     half: lines at (k + 1/2)/period, so that the sum repeats after two periods; else at k/period.
-    overlap: both layers have lines from OVERLAP to SPLIT, to be weighted with :func:`share`; else they abut.
+    overlap: both layers have lines from OVERLAP to SPLIT, to be weighted with :func:`share`; else they abut.  Their
+        grids are a little finer where their points would be a number with prime factors above 5.
     """
     lower, upper = float(band[0]), float(band[1])
     grid = (2.0 if overlap else 1.0) / SLOW_RATE  # blocks begin half a period apart, on a grid point
@@ -168,14 +170,28 @@ def layers(band: Array, period: float, *, half: bool, overlap: bool) -> list[Lay
         numbers = np.arange(max(first, 1), end, dtype=np.int64)
         numbers = numbers[numbers % 2 == 1] if half else numbers
         if numbers.size:
-            found.append(Layer(key, rate, repeat, numbers))
+            points = round(rate * repeat)
+            fitting = _find_points(points) if overlap else points
+            found.append(Layer(key, rate if fitting == points else fitting / repeat, repeat, numbers))
     return found
+
+
+def _find_points(least: int) -> int:
+    """The next even number without prime factors above 5: blocks are made by transforms of parts of so many points."""
+    for points in count(least + least % 2, 2):
+        rest = points
+        for factor in (2, 3, 5):
+            while rest % factor == 0:
+                rest //= factor
+        if rest == 1:
+            return points
+    raise AssertionError
 
 
 def share(layer: Layer) -> Array:
     """Amplitude of each line of an overlapping layer: the squares of slow and fast add up to one."""
     angle = 0.5 * np.pi * np.clip((layer.frequencies - OVERLAP) / (SPLIT - OVERLAP), 0.0, 1.0)
-    return np.asarray(np.cos(angle) if layer.rate == SLOW_RATE else np.sin(angle))
+    return np.asarray(np.sin(angle) if layer.key else np.cos(angle))
 
 
 def psd_at_origin(psd_com: Array, com: Array) -> Array:

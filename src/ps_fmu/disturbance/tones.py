@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from ctypes import c_double
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -9,11 +10,11 @@ import numpy as np
 
 from ..mechanism.parameters import Parameters
 from ..mechanism.quantities import Array, ParameterError, quantity
-from .kind import Kind, SharedSettings, Source, explain_folding
-from .spectrum import ramp
+from ..numerics import library
+from .kind import Kind, SharedSettings, Source
 
 
-class Tone:
+class Tone(Source):
     """f(t) = d2/dt2 (W G) with G = -A sin(w t + phase) / w^2: a sine that pushes a free body without drift.
 
     Parameters
@@ -25,19 +26,11 @@ class Tone:
         proportional to its period.
     """
 
-    def __init__(self, wrench: Array, frequency: float, phase: float = 0.0, rise_time: float = 2.0) -> None:
-        self._wrench = wrench
-        self._omega = 2.0 * np.pi * frequency
-        self._phase = phase
-        self._rise_time = max(rise_time, 1.0 / frequency)
+    function: ClassVar[str] = "add_tone"
 
-    def __call__(self, time: Array) -> Array:
-        """Force (N) and torque (N.m) at the times (n,) in s, shape (n, 6)."""
-        angle, omega = self._omega * time + self._phase, self._omega
-        sine = np.sin(angle)[:, None]
-        weight = ramp(time, self._rise_time)
-        size = weight.second_derivative(-sine / omega**2, -np.cos(angle)[:, None] / omega, sine)
-        return size * self._wrench
+    def __init__(self, wrench: Array, frequency: float, phase: float = 0.0, rise_time: float = 2.0) -> None:
+        self.words = library.Tone((c_double * 6)(*wrench), frequency, phase / (2.0 * np.pi))
+        self.words.rise_time = max(rise_time, 1.0 / frequency)
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,13 +55,12 @@ class ToneSettings(Kind):
         wrench = np.concatenate([self.force_B, self.torque_B])
         return Tone(wrench, self.frequency, self.phase, shared.rise_time) if wrench.any() else None
 
-    def explain_aliasing(self, h: float) -> str | None:
-        """That the steps fold the sine."""
-        wrench = np.concatenate([self.force_B, self.torque_B])
-        return explain_folding("the sine", self.frequency, h) if wrench.any() else None
+    def find_highest(self) -> tuple[float, str] | None:
+        """Its frequency."""
+        return (self.frequency, "the sine") if self.force_B.any() or self.torque_B.any() else None
 
 
-class Chirp:
+class Chirp(Source):
     """A sine whose frequency sweeps from one value to another, linearly or by equal ratios in equal times.
 
     Zero before and after the sweep; faded in and out over the rise time within it.  The phase is the exact
@@ -84,6 +76,8 @@ class Chirp:
     rise_time: s.
     """
 
+    function: ClassVar[str] = "add_chirp"
+
     def __init__(
         self,
         wrench: Array,
@@ -94,25 +88,8 @@ class Chirp:
         logarithmic: bool = False,
         rise_time: float = 2.0,
     ) -> None:
-        self._wrench = wrench
-        self._initial, self._final = initial, final
-        self._start, self._duration = start, duration
-        self._logarithmic = logarithmic
-        self._rise_time = rise_time
-
-    def phase(self, elapsed: Array) -> Array:
-        """Phase since the start of the sweep (n,), rad."""
-        first, last, duration = self._initial, self._final, self._duration
-        if self._logarithmic and first != last:
-            rate = np.log(last / first) / duration  # 1/s
-            return np.asarray(2.0 * np.pi * first * np.expm1(rate * elapsed) / rate)
-        return np.asarray(2.0 * np.pi * (first * elapsed + 0.5 * (last - first) / duration * elapsed**2))
-
-    def __call__(self, time: Array) -> Array:
-        """Force (N) and torque (N.m) at the times (n,) in s, shape (n, 6)."""
-        elapsed = np.clip(time - self._start, 0.0, self._duration)
-        fade = ramp(elapsed, self._rise_time).value * ramp(self._duration - elapsed, self._rise_time).value
-        return np.multiply.outer(fade * np.sin(self.phase(elapsed)), self._wrench)
+        rate = np.log(final / initial) / duration if logarithmic and final != initial else 0.0  # 1/s
+        self.words = library.Chirp((c_double * 6)(*wrench), initial, final, start, duration, rise_time, rate)
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,7 +137,7 @@ class ChirpSettings(Kind):
         ends = (self.initial_frequency, self.final_frequency)
         return Chirp(self.wrench, *ends, self.start, self.duration, self.logarithmic, shared.rise_time)
 
-    def explain_aliasing(self, h: float) -> str | None:
-        """That the steps fold the sweep's higher end."""
+    def find_highest(self) -> tuple[float, str] | None:
+        """The higher end."""
         highest = max(self.initial_frequency, self.final_frequency)
-        return explain_folding("the sweep's higher end", highest, h) if self.wrench.any() else None
+        return (highest, "the sweep's higher end") if self.wrench.any() else None

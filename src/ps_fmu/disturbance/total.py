@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import json
 import reprlib
-from collections.abc import Generator, Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from ctypes import addressof, byref, create_string_buffer
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..mechanism.parameters import Parameters, load
 from ..mechanism.quantities import Array, ParameterError, group, list_members, quantity, replace_values
-from ..numerics.calls import Calls, put_before
+from ..numerics import library
 from .gaussian import GaussianNoise
-from .kind import BusCentre, Kind, SharedSettings, Source
+from .kind import BusCentre, Kind, SharedSettings, Source, evaluate, make_sum
 from .noise import NoiseSettings
 from .recording import RecordingSettings
 from .tones import ChirpSettings, ToneSettings
@@ -25,7 +26,6 @@ KINDS: tuple[type[Kind], ...] = (NoiseSettings, WheelSettings, ToneSettings, Chi
 MORE = ("wheels", "tones")
 """Kinds of which there may be more than those that have parameters of their own."""
 MOST_MORE = 1000
-_CHUNK = 256  # rows of a part
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,71 +110,47 @@ class Disturbance:
             if source is not None:
                 self._sources.append(source)
                 self._ends[name] = getattr(source, "end", np.inf)
+        aliases = list(self._list_aliases())
+        self._aliases = (library.Alias * len(aliases))(*aliases)
+        self.words = make_sum(self._sources)
+        self.words.aliases, self.words.n_aliases = addressof(self._aliases), len(aliases)
+        self.words.kept = self.words.kept, self._aliases
 
     def __call__(self, time: Array) -> Array:
         """Force (N) and torque (N.m) in B at its origin at ascending times (n,) in s, shape (n, 6)."""
-        wrench = np.zeros((time.size, 6))
-        if time.size:
-            for source in self._sources:
-                wrench += source(time)
-        return wrench
+        return evaluate(self.words, time)
 
-    def in_parts(self, time: Array) -> Generator[int | Calls, None, Array]:
-        """As :meth:`__call__`, in parts of less than 0.1 ms; yields about how many are still to come, or calls."""
-        later = [self._count_parts(source, time.size) for source in self._sources]
-        clear = bool(self._sources) and isinstance(self._sources[0], GaussianNoise)  # part by part takes less at once
-        wrench = np.empty((time.size, 6)) if clear else np.zeros((time.size, 6))
-        if not clear:  # the pages of 4096 rows take 60 us, where their memory comes from the system
-            yield sum(later) + 1
+    def make_step(self, target: int, start: int, latest: float) -> tuple[int, library.Source]:
+        """Function and arguments of an element that writes the wrench at the end of a step, and makes noise ahead.
+
+        Parameters
+        ----------
+        target, start: places in the buffer, of the wrench and of the time (s) from which all is counted.
+        latest: time that is possible, s.
+        """
+        words = self.words
+        words.target, words.start_place, words.latest = target, start, latest
         for source in self._sources:
-            del later[0]
             if isinstance(source, GaussianNoise):
-                parts = self._add_noise(source, wrench, time, clear)
-            else:
-                parts = self._add(source, wrench, time)
-            for part in parts:
-                yield put_before(part, sum(later))
-            clear = False
-        return wrench
-
-    @staticmethod
-    def _count_parts(source: Source, n: int) -> int:
-        if isinstance(source, GaussianNoise):
-            return source.count_parts(n)
-        return -(-n // getattr(source, "rows_at_once", _CHUNK))
-
-    def _add(self, source: Source, wrench: Array, time: Array) -> Iterator[int | Calls]:
-        make_calls = getattr(source, "make_calls", None)
-        calls = None if make_calls is None else make_calls(wrench, time)
-        if calls is not None:
-            yield from calls
-            return
-        rows = getattr(source, "rows_at_once", _CHUNK)
-        for first in range(0, time.size, rows):
-            chunk = slice(first, first + rows)
-            wrench[chunk] += source(time[chunk])
-            yield self._count_parts(source, time.size - first) - 1
-
-    def _add_noise(self, source: GaussianNoise, wrench: Array, time: Array, clear: bool) -> Iterator[int | Calls]:
-        left = source.count_parts(time.size)
-        for part in source.prepare(time):
-            yield put_before(part, left)
-        for made in source.add(wrench, time, clear=clear):
-            left = max(left - (1 if made is None else made.left), 0)
-            yield left if made is None else made.put_before(left)
+                words.noise, words.shortest = addressof(source.words), source.shortest_hop
+        address: int = library.find_arithmetic().step_source
+        return address, words
 
     def explain(self) -> list[str]:
         """What a user should know of the settings, a text for each disturbance that has something."""
-        return self._name(kind.explain() for _, _, kind in self._settings.list_disturbances())
+        pairs = ((name, kind.explain()) for name, _, kind in self._settings.list_disturbances())
+        return [text if name == "noise" else f"{name}: {text}" for name, text in pairs if text is not None]
 
     def explain_aliasing(self, h: float) -> list[str]:
         """What is wrong with steps of ``h`` (s), a text for each disturbance that has a complaint."""
-        return self._name(kind.explain_aliasing(h) for _, _, kind in self._settings.list_disturbances())
+        text, explain = create_string_buffer(library.MOST_TEXT), library.find_arithmetic().explain_alias
+        return [text.value.decode() for alias in self._aliases if explain(byref(alias), h, text)]
 
-    def _name(self, texts: Iterable[str | None]) -> list[str]:
-        names = (name for name, _, _ in self._settings.list_disturbances())
-        pairs = zip(names, texts, strict=True)
-        return [text if name == "noise" else f"{name}: {text}" for name, text in pairs if text is not None]
+    def _list_aliases(self) -> Iterator[library.Alias]:
+        for name, _, kind in self._settings.list_disturbances():
+            if highest := kind.find_highest():
+                frequency, what = highest
+                yield library.Alias(frequency, f"{name}: {what}".encode() if what else b"")
 
     def explain_end(self, time: float) -> list[str]:
         """Which disturbances were cut off before ``time`` (s), a text for each."""

@@ -19,6 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..mechanism.quantities import Array, ParameterError
+from ..numerics import library
+from ..numerics.library import find_address
 from .recording import read_columns
 
 HEADER = ("time [s]", "speed [rpm]")
@@ -41,6 +43,9 @@ class Speed(Protocol):
 
     def acceleration(self, time: Array) -> Array:
         """Rate of change of the speed at the times (n,) in s, rad/s2."""
+
+    def describe(self, rise_time: float) -> library.Profile:
+        """For the compiled wheel, as long as this lives; ``rise_time``: of its fade-in, s."""
 
 
 @dataclass(frozen=True)
@@ -84,6 +89,10 @@ class SpeedProfile:
         slope = within**2 / (2.0 * self.duration) if self.duration > 0.0 else 0.0
         return np.asarray(self.initial * time + (self.final - self.initial) * (slope + after))
 
+    def describe(self, rise_time: float) -> library.Profile:
+        """As :meth:`Speed.describe`."""
+        return library.Profile(self.initial, self.final, self.start, self.duration, rise_time)
+
 
 @dataclass(frozen=True, eq=False)
 class SpeedTable:
@@ -124,6 +133,12 @@ class SpeedTable:
     def angle(self, time: Array) -> Array:
         """Angle turned since t = 0, rad: the exact integral of the speed."""
         return self._from_first(time) - self._from_first(np.zeros(1))
+
+    def describe(self, rise_time: float) -> library.Profile:
+        """As :meth:`Speed.describe`."""
+        arrays = map(find_address, (self.times, self.speeds, self._slopes, self._turned))
+        before = float(self._from_first(np.zeros(1))[0])
+        return library.Profile(0.0, 0.0, 0.0, 0.0, rise_time, *arrays, len(self.times), before)
 
     def _from_first(self, time: Array) -> Array:
         """Angle turned since the first row, rad."""

@@ -22,25 +22,21 @@ from __future__ import annotations
 import csv
 import pkgutil
 import reprlib
-from ctypes import byref, c_int64, pointer
+from ctypes import addressof, c_int64
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from ..mechanism.parameters import Parameters
 from ..mechanism.quantities import Array, Complex, ParameterError, quantity
 from ..numerics import library
-from ..numerics.calls import Calls, Progress, WheelRows
 from ..numerics.library import find_address
 from ..numerics.normal import Stream, make_key
-from .kind import Kind, SharedSettings, explain_folding
-from .spectrum import ramp
+from .kind import Kind, SharedSettings, Source
 from .turning import Products, Speed, SpeedProfile, SpeedTable, plan_products
-
-_ROWS = 1024  # computed by a call: 25 us
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,7 +147,7 @@ PACKAGED = HarmonicTable.read((pkgutil.get_data(__name__, _PACKAGED) or b"").dec
 FORCE, TORQUE = PACKAGED.with_imbalance(STATIC, 0), PACKAGED.with_imbalance(DYNAMIC, 1)
 
 
-class WheelSource:
+class WheelSource(Source):
     """Wrench of one wheel on the bus, faded in from rest over the rise time.
 
     Parameters
@@ -165,8 +161,7 @@ class WheelSource:
     force, torque: harmonics (default: those of the default wheel).
     """
 
-    rows_at_once: ClassVar[int] = _ROWS
-    """Times whose rows take little time."""
+    function: ClassVar[str] = "add_wheel"
 
     def __init__(
         self,
@@ -181,7 +176,6 @@ class WheelSource:
     ) -> None:
         self.force, self.torque = force, torque = force or FORCE, torque or TORQUE
         self.profile = profile
-        self._rise_time = rise_time
         self._orders = np.concatenate([force.orders, torque.orders])
         random = np.random.Generator(np.random.Philox(np.random.SeedSequence(seed)))
         self._phases = 2.0 * np.pi * random.random(self._orders.size)
@@ -194,12 +188,10 @@ class WheelSource:
         self._amplitudes = lines[:, np.newaxis] * (along[:, 0] - 1j * along[:, 1])[is_torque.astype(np.intp)]
         plan = plan_products(tuple(dict.fromkeys(self._orders.tolist())))  # force and torque share orders
         which = [plan.place[order] for order in self._orders.tolist()]
-        self._turning = _Turning(plan, which, _integrate(lines, self._orders), force.orders.size, along)
-        self._whole = None
-        """For the compiled wheel, where the speed is no table."""
-        if isinstance(profile, SpeedProfile):
-            ends = profile.initial, profile.final, profile.start, profile.duration
-            self._whole = library.Profile(*ends, rise_time)
+        turning, kept = _make_turning(plan, which, _integrate(lines, self._orders), force.orders.size, along)
+        room = library.allocate(2 * library.PART * (turning.n_multiples + turning.n_products))
+        self.words = library.Wheel(turning, profile.describe(rise_time), find_address(room))
+        self.words.kept = kept, room, profile
 
     @property
     def orders(self) -> Array:
@@ -219,36 +211,6 @@ class WheelSource:
         of_force = np.concatenate([direction_B, np.cross(position_B, direction_B)])
         return np.stack([of_force, np.concatenate([np.zeros(3), direction_B])])
 
-    def __call__(self, time: Array) -> Array:
-        """Force (N) and torque (N.m) in B at its origin at the times (n,) in s, shape (n, 6)."""
-        wrench, time = np.zeros((time.size, 6)), np.ascontiguousarray(time, dtype=np.float64)
-        for first in range(0, time.size, _ROWS):
-            part = slice(first, first + _ROWS)
-            if calls := self.make_calls(wrench[part], time[part]):
-                calls.finish()
-            else:
-                self._turning.add(wrench[part], self.profile.angle(time[part]), self._compute_sizes(time[part]))
-        return wrench
-
-    def make_calls(self, rows: Array, time: Array) -> Calls | None:
-        """Calls that add the wrench at the times (n,), s, to rows (n, 6); None: it is not all compiled."""
-        return None if self._whole is None else self._turning.make_calls(rows, time, self._whole)
-
-    def _compute_sizes(self, time: Array) -> Array:
-        """What the sums over the harmonics and over their first and second integrals are multiplied by, (m, n).
-
-        Sums that nothing is left of at the end are left out.
-        """
-        speed, acceleration = self.profile.speed(time), self.profile.acceleration(time)
-        if time.min() >= self._rise_time:
-            return np.stack([speed**2, -acceleration] if acceleration.any() else [speed**2])
-        rise = ramp(time, self._rise_time)
-        # With e = (cos, sin) and d = (-sin, cos): -(R e/h^2)'' = R W^2 e - (R W' + 2 R' W) d/h - R'' e/h^2.
-        sizes = np.stack([
-            rise.value * speed**2, -(rise.value * acceleration + 2.0 * rise.rate * speed), -rise.curvature
-        ])  # fmt: skip
-        return sizes if sizes[2].any() else sizes[:2] if sizes[1].any() else sizes[:1]
-
 
 def _integrate(amplitudes: Complex, orders: Array) -> Complex:
     """Amplitudes of the sums over harmonics (k, ...) and over their first and second integrals, (3, k, ...)."""
@@ -256,8 +218,10 @@ def _integrate(amplitudes: Complex, orders: Array) -> Complex:
     return np.stack([amplitudes, 1j * per_order * amplitudes, per_order**2 * amplitudes])
 
 
-class _Turning:
-    """Sums of what turns with the multiples of an angle.
+def _make_turning(
+    plan: Products, which: list[int], amplitudes: Complex, n_force: int, along: Array
+) -> tuple[library.Turning, object]:
+    """Sums of what turns with the multiples of an angle, and what has to live as long.
 
     Parameters
     ----------
@@ -267,34 +231,16 @@ class _Turning:
     n_force: how many harmonics belong to the force.
     along: wrenches of force and torque along two directions, which go with the cosine and with the sine, (2, 2, 6).
     """
-
-    def __init__(self, plan: Products, which: list[int], amplitudes: Complex, n_force: int, along: Array) -> None:
-        self._multiples = np.array(plan.turned) / (2.0 * np.pi)
-        self._amplitudes = amplitudes
-        products = [library.Product(*product) for product in plan.products]
-        counts = len(plan.turned), len(products)
-        self._room = library.allocate(2 * library.PART * sum(counts))
-        self._shared = library.Turning(
-            find_address(self._multiples), (library.Product * len(products))(*products),
-            (c_int64 * len(which))(*which), find_address(amplitudes), *counts, n_force, len(which),
-        )  # fmt: skip
-        for row, wrench in zip(self._shared.along, along.reshape(4, 6).tolist(), strict=True):
-            row[:] = wrench
-        found: Any = library.find_arithmetic()
-        self._add, self._add_some = found.add_turning, found.add_some_turns
-
-    def add(self, rows: Array, angle: Array, sizes: Array) -> None:
-        """Add the first sums, each multiplied by its sizes (m, n), at the angles (n,), rad, to ``rows`` (n, 6)."""
-        shared, (n_terms, n), room = byref(self._shared), sizes.shape, find_address(self._room)
-        self._add(shared, find_address(angle), n, find_address(sizes), n_terms, room, find_address(rows))
-
-    def make_calls(self, rows: Array, time: Array, profile: library.Profile) -> Calls:
-        """Calls that add all three sums, as a wheel's speed has them, to contiguous rows (n, 6) at times (n,), s."""
-        given = WheelRows(
-            Progress(find_address(rows), time.size, _ROWS), pointer(self._shared), pointer(profile),
-            find_address(time), find_address(self._room),
-        )  # fmt: skip
-        return Calls([(self._add_some, given)] * -(-time.size // _ROWS), self, rows, time)
+    multiples = np.array(plan.turned) / (2.0 * np.pi)
+    products = (library.Product * len(plan.products))(*(library.Product(*product) for product in plan.products))
+    places = (c_int64 * len(which))(*which)
+    turning = library.Turning(
+        find_address(multiples), addressof(products), addressof(places), find_address(amplitudes),
+        len(plan.turned), len(products), n_force, len(which),
+    )  # fmt: skip
+    for row, wrench in zip(turning.along, along.reshape(4, 6).tolist(), strict=True):
+        row[:] = wrench
+    return turning, (multiples, products, places, amplitudes)
 
 
 def wheel_plane(spin_axis: Array) -> tuple[Array, Array]:
@@ -378,10 +324,10 @@ class WheelSettings(Kind):
         place = self.spin_axis_B, self.position_B
         return WheelSource(self.profile, *place, seed, self.scale, shared.rise_time, *self.tables)
 
-    def explain_aliasing(self, h: float) -> str | None:
-        """That the steps fold the highest harmonic at the highest speed."""
+    def find_highest(self) -> tuple[float, str] | None:
+        """The highest harmonic at the highest speed."""
         if not self.enabled:
             return None
         speed = self.profile.highest
         order = max(float(table.orders.max(initial=0.0)) for table in self.tables)
-        return explain_folding(f"harmonic {order:g} of {speed:g} rad/s", order * speed / (2.0 * np.pi), h)
+        return order * speed / (2.0 * np.pi), f"harmonic {order:g} of {speed:g} rad/s"

@@ -34,7 +34,7 @@ def read_bytes(path: Path, maximum: int) -> bytes:
     """
     try:
         if not stat.S_ISREG(path.stat().st_mode):
-            raise SystemFileError(path, "is no file but a folder, pipe or device: write the content into a file")
+            raise SystemFileError(path, "is a folder, pipe or device: expected a file")
         with path.open("rb") as file:
             data = file.read(maximum + 1)
     except OSError as error:

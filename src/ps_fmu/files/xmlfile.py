@@ -6,9 +6,11 @@ and no files to fetch.  Elements keep their line, so that an error can name it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from xml.parsers import expat
+
+from msgspec import Struct
 
 from .plain import SystemFileError, read_bytes
 
@@ -32,14 +34,13 @@ NAMESPACES = {
 }
 
 
-@dataclass(frozen=True)
-class Element:
+class Element(Struct, frozen=True):
     """An XML element; tags and attributes in a namespace of ``NAMESPACES`` carry its usual prefix."""
 
     tag: str
     attributes: dict[str, str]
     line: int
-    children: list[Element] = field(default_factory=list)
+    children: list[Element] = []  # of each its own: a Struct copies it
     pieces: list[str] | None = None
     """Its text, where that is asked for."""
 
@@ -77,6 +78,7 @@ def parse_xml(data: bytes, path: Path, texts: bool = False) -> Element:
     parser = expat.ParserCreate(namespace_separator=" ")
     roots: list[Element] = []
     opened: list[Element] = []
+    add_prefix = lru_cache(maxsize=None)(_add_prefix)  # a document has few names, and many of each
     count = 0
 
     def start(name: str, attributes: dict[str, str]) -> None:
@@ -88,8 +90,8 @@ def parse_xml(data: bytes, path: Path, texts: bool = False) -> Element:
         if len(attributes) > MAXIMUM_ATTRIBUTES:
             text = f"an element {_add_prefix(name)} has more than {MAXIMUM_ATTRIBUTES} attributes"
             raise SystemFileError(path, text, parser.CurrentLineNumber)
-        named = {_add_prefix(key): value for key, value in attributes.items()}
-        element = Element(_add_prefix(name), named, parser.CurrentLineNumber, [], [] if texts else None)
+        named = {add_prefix(key): value for key, value in attributes.items()}
+        element = Element(add_prefix(name), named, parser.CurrentLineNumber, [], [] if texts else None)
         (opened[-1].children if opened else roots).append(element)
         opened.append(element)
 

@@ -161,14 +161,14 @@ def simulate(fmu: Path, reference: Reference, variables: Sequence[str] | None = 
         variables = next(csv.reader(_read_text(reference.results).splitlines()), ["time"])[1:]
     wanted = list(variables or outputs[:MAXIMUM_VARIABLES])
     if unknown := sorted(set(wanted) - set(outputs)):
-        raise CrossCheckError(f"{fmu.name} has no output {', '.join(unknown)}, which {reference.results} names")
+        raise CrossCheckError(f"{reference.results}: there is no output {', '.join(unknown)} in {fmu.name}")
     if len(wanted) > MAXIMUM_VARIABLES:
         raise CrossCheckError(f"{reference.results}: {len(wanted)} variables, expected at most {MAXIMUM_VARIABLES}")
     inputs = read_signals(reference.inputs) if reference.inputs.is_file() else None
     if inputs is not None:
         declared = {v.name for v in description.modelVariables if v.causality == "input"}
         if unknown := sorted(set(inputs.dtype.names or ()) - declared - {"time"}):
-            raise CrossCheckError(f"{reference.inputs}: {fmu.name} has no input {', '.join(unknown)}")
+            raise CrossCheckError(f"{reference.inputs}: there is no input {', '.join(unknown)} in {fmu.name}")
     with _blame(fmu), note_interrupts() as interrupted:
         result = simulate_fmu(
             str(fmu),

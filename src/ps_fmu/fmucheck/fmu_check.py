@@ -72,7 +72,7 @@ def check_fmu(path: Path, run: bool = True) -> Iterator[CheckResult]:
 def _check_rules(description: Description, version: str) -> CheckResult:
     name = "model description"
     if not version.startswith("2."):
-        return CheckResult(name, NOT_RUN, (f"the rules are those of FMI 2.0, the file says {version!r}",))
+        return CheckResult(name, NOT_RUN, (f"the rules are those of FMI 2.0, the file states {version!r}",))
     problems = check_description(description)
     errors = [str(problem) for problem in problems if problem.rule.verdict == FAILED]
     warnings = [f"warning: {problem}" for problem in problems if problem.rule.verdict == WARNING]
@@ -95,7 +95,7 @@ def _find_obstacle(path: Path, description: Description, version: str) -> str | 
         return f"modelIdentifier {identifier!r} is not a C identifier"
     platforms = supported_platforms(str(path))
     if platform not in platforms:
-        return f"no library for {platform}, there are some for {', '.join(platforms) or 'no platform'}"
+        return f"no library for {platform}, only for {', '.join(platforms) or 'no platform'}"
     return None
 
 
@@ -137,7 +137,7 @@ def _run_fmutool(fmu: Path, version: str) -> CheckResult:
     """``fmutool -check``, where it is installed and knows this version of FMI."""
     name = "fmutool -check"
     if not version.startswith(("2.", "3.")):
-        return CheckResult(name, NOT_RUN, (f"it checks FMI 2.0 and 3.0, the file says {version!r}",))
+        return CheckResult(name, NOT_RUN, (f"it checks FMI 2.0 and 3.0, the file states {version!r}",))
     if importlib.util.find_spec(FMUTOOL) is None:
         return CheckResult(name, NOT_RUN, ("fmu-manipulation-toolbox is not installed",))
     return _run_checker(name, "-m", f"{FMUTOOL}.cli.fmutool", "-input", str(fmu.resolve()), "-check")

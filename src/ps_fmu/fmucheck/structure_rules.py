@@ -29,7 +29,7 @@ def check_derivatives(description: Description) -> Faults:
     for unknown in description.unknowns("Derivatives"):
         variable = description.variable(unknown.index)
         if variable is None or "derivative" not in variable.attributes:
-            yield unknown.line, f"Derivatives: index {unknown.index} is no variable with the attribute derivative"
+            yield unknown.line, f"Derivatives: index {unknown.index} is not a variable with the attribute derivative"
 
 
 def check_initial_unknowns(description: Description) -> Faults:
@@ -60,7 +60,7 @@ def check_dependencies(description: Description) -> Faults:
     for part, unknown in _list_unknowns(description):
         for index in unknown.dependencies or ():
             if description.variable(index) is None:
-                yield unknown.line, f"{part}: {_name(description, unknown)} depends on {index}, which is no index"
+                yield unknown.line, f"{part}: {_name(description, unknown)} depends on {index}, which is not an index"
 
 
 def check_known(description: Description) -> Faults:
@@ -92,7 +92,7 @@ def check_dependencies_kind(description: Description) -> Faults:
         name = f"{part}: {_name(description, unknown)}"
         if unknown.dependencies is None or len(unknown.kinds) != len(unknown.dependencies):
             count = len(unknown.dependencies or ())
-            yield unknown.line, f"{name} has {len(unknown.kinds)} dependenciesKind for {count} dependencies"
+            yield unknown.line, f"{name} states {len(unknown.kinds)} dependenciesKind for {count} dependencies"
         for kind in sorted(set(unknown.kinds) - set(_KINDS)):
             yield unknown.line, f"{name}: dependenciesKind {kind!r} is unknown, expected {', '.join(_KINDS)}"
 

@@ -9,24 +9,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 
-from ..actuators.voice_coil import Coils
-from ..control.isolator import Isolator
-from ..control.pointing import PointingLaw
-from ..cosim import System, Value
-from ..cosim.ssp.packing import find_values
-from ..mechanism.linear_model import Plant
-from ..mechanism.parameters import load
-from ..mechanism.quantities import Array, Complex, ParameterError, list_entries, take_values
-from ..mechanism.signals import OUTPUTS
+from ..mechanism.quantities import Array, Complex, ParameterError
 from ..pointing.modal import StateSpace, solve_at
-from ..sensors.inertial import InertialSensors, default_sensors
-from ..sensors.line_of_sight import DEFAULT_TRACKER, Tracker
-from ..theory.line_of_sight import SampledPointing, Timing, close_loop
-from ..theory.loop import Loop, loop_of
 from ..theory.sampled import (
     FORCES,
     LONGEST_DELAY,
@@ -37,63 +25,34 @@ from ..theory.sampled import (
     make_isolator_block,
     make_plant_block,
     make_sensors_block,
-    round_delay,
 )
 from ..theory.stability import UnstableError, find_gain_margin, find_growing, find_unstable, refine_pole
 from ..theory.transfer_matrices import place_frequencies
+from .system_model import (
+    COILS,
+    ISOLATOR,
+    PLANT,
+    POINTING,
+    SENSORS,
+    SOURCE,
+    TRACKER,
+    LinearModelError,
+    SystemModel,
+    read_model,
+)
 
-if TYPE_CHECKING:
-    from ..disturbance.total import DisturbanceSettings
-
-STEP = 1e-4  # s, where the description states none
-PLANT, ISOLATOR, SOURCE, COMMANDER = "ManipulatorPlant", "FeedforwardIsolator", "DisturbanceSource", "PointingCommander"
-SENSORS, COILS, TRACKER, POINTING = "InertialSensors", "VoiceCoils", "LineOfSightSensor", "PointingController"
-NEEDED = (PLANT, ISOLATOR, SOURCE, COMMANDER)
-KNOWN = (*NEEDED, SENSORS, COILS, TRACKER, POINTING)
 #: What the tracker sees: the boresight, which truss modes turn, and the roll of the platform.
 SEEN = ("line_of_sight.x", "line_of_sight.y", "payload_rotation.z")
-OUTPUT_NAMES = tuple(name for signal in OUTPUTS for name in signal.names)
 #: Loops by the FMU that closes them.
 LOOPS: Mapping[str, str] = {ISOLATOR: "isolator", POINTING: "line of sight"}
 LOWEST = 1e-7  # Hz, of the curve that poles are counted by
 LOWEST_MARGIN = 1e-4  # Hz
 GRID = 100, 8  # frequencies for a gain margin, which is then followed between them; and about each resonance
-DAMPING = tuple(f"fine_leg_{leg}.damping" for leg in (1, 2, 3))
-#: What stability depends on: parameters by FMU, those together that are turned together.
-TURNED: Mapping[str, Sequence[tuple[str, ...]]] = {
-    PLANT: (("bus.mass",), DAMPING),
-    ISOLATOR: (
-        ("delay",), ("filters.lowpass_stop_frequency",), ("filters.highpass_frequency",),
-        ("filters.highpass_damping_ratio",), ("payload.mass",),
-    ),
-    SENSORS: (("latency",), ("accelerometer.bandwidth",)),
-    COILS: (("driver.bandwidth",),),
-    TRACKER: (("sample_time",), ("latency",)),
-    POINTING: (
-        ("delay",), ("sample_time",), ("loop.crossover_frequency",), ("loop.integral_frequency",),
-        ("loop.rolloff_frequency",),
-    ),
-}  # fmt: skip
-#: Parameters that are delays, s, by FMU: an FMU rounds each up to the next multiple of its step.
-DELAYS: Mapping[str, str] = {ISOLATOR: "delay", POINTING: "delay", SENSORS: "latency", TRACKER: "latency"}
 SHOWN = 3  # of these that are said to matter
 LEAST_MOVED = 0.1  # of a pole's real part: a pole that moves by less is one of the structure
 GAIN_STEP, MOST_GAIN_DB = 10.0**0.2, 12.0  # steps of 4 dB, up to 12 dB either way, are tried for a gain margin
 GAIN_ERROR = 0.01  # of a gain at which a loop becomes unstable
 SMALL_TURN = 0.01  # of a parameter, for the derivative of a pole
-
-T = TypeVar("T")
-
-
-class LinearModelError(ValueError):
-    """A system or a source that the closed form does not know; the text says which, and what to do."""
-
-
-class Turned(NamedTuple):
-    """A parameter that stability depends on."""
-
-    value: float
-    unit: str
 
 
 class Reserve(NamedTuple):
@@ -133,50 +92,6 @@ def _show_gain(gain_db: float, at_hz: float) -> str:
     if not np.isfinite(gain_db):
         return "without limit"
     return f"{abs(gain_db):.1f} dB{' downwards' if gain_db < 0.0 else ''} (unstable at {at_hz:.3g} Hz)"
-
-
-@dataclass(frozen=True, eq=False)
-class SystemModel:
-    """The components of a system with their start values, as objects of the physics."""
-
-    system: System
-    components: Mapping[str, str]  # name in the system by the name of the FMU
-    loop: Loop  # plant and isolator at the target of the commander, without delay
-    isolator_delay: float  # of its forces, s
-    sensors: InertialSensors | None
-    coils: Coils | None
-    tracker: Tracker | None
-    pointing: SampledPointing | None
-    step: float  # s
-    turned: Mapping[str, Turned]  # the parameters in TURNED, by ``component.parameter``
-
-    @property
-    def name(self) -> str:
-        """Name of the system file."""
-        return self.system.path.stem
-
-    @cached_property
-    def disturbance(self) -> DisturbanceSettings:
-        """What the source of disturbances makes.  Raises ``ParameterError`` for an impossible value."""
-        return read_disturbance(self.system, self.components[SOURCE])
-
-    def without_pointing(self) -> SystemModel:
-        """The same system with the line-of-sight loop off."""
-        return replace(self, tracker=None, pointing=None)
-
-    @property
-    def groups(self) -> list[list[str]]:
-        """Names of :attr:`turned`, those together that are turned together."""
-        return [
-            [f"{self.component(fmu)}.{name}" for name in names]
-            for fmu, groups in TURNED.items()
-            if fmu in self.components
-            for names in groups
-        ]
-
-    def component(self, fmu: str) -> str:
-        """Return the name of the component that is an FMU of this model."""
-        return self.components[fmu]
 
 
 @dataclass(frozen=True, eq=False)
@@ -417,6 +332,8 @@ class Circuit:
         sources = [fmu for fmu in self.channels if fmu in sources]
         if not self.closed:
             return self._connect(self._list_inputs(sources), signals).response(frequency)
+        from ..theory.line_of_sight import close_loop
+
         assert self.model.pointing is not None
         inputs = self._list_inputs([*(fmu for fmu in sources if fmu != TRACKER), TRACKER])
         answers, errors = np.split(self._connect(inputs, [*signals, *SEEN]).response(frequency), [len(signals)], axis=1)
@@ -439,93 +356,3 @@ class Circuit:
             if str(wire.source) == output:
                 return str(wire.target)
         raise LinearModelError(f"{output}: it is connected with nothing")
-
-
-def read_model(system: System, step: float | None = None) -> SystemModel:
-    """Read the linear model of a system with its start values; the FMUs give the values that the system does not set.
-
-    ``step``: communication step, s; None: the step of the system.  Raises :class:`LinearModelError` for a component
-    without a closed form, and ``ParameterError`` for an impossible value.
-    """
-    components = {component.source.stem: component.name for component in system.components}
-    for fmu in components:
-        if fmu not in KNOWN:
-            unknown = f"the linear model does not include the FMU {fmu}; it includes {', '.join(KNOWN)}"
-            raise LinearModelError(f"{components[fmu]}: {unknown}")
-    if len(components) < len(system.components):
-        names = [component.source.stem for component in system.components]
-        twice = next(fmu for fmu in names if names.count(fmu) > 1)
-        there = f"the linear model includes one {twice}, and the system has {names.count(twice)}"
-        raise LinearModelError(f"{system.path.name}: {there}")
-    if missing := [fmu for fmu in NEEDED if fmu not in components]:
-        raise LinearModelError(f"{system.path.name}: the linear model needs the FMU {missing[0]}")
-    h = step or system.experiment.step or STEP
-    p, isolator, commander = load(), _given(system, components[ISOLATOR]), _given(system, components[COMMANDER])
-    orientation = np.array([float(commander.get(f"target.{angle}", 0.0)) for angle in ("roll", "pitch", "yaw")])
-    if isolator.get("sample_time"):
-        name = f"{components[ISOLATOR]}.sample_time"
-        raise LinearModelError(f"{name}: the linear model does not include a digital isolator; set 0 s")
-    if _given(system, components[PLANT]).get("base", "own") != "own":
-        name = f"{components[PLANT]}.base"
-        raise LinearModelError(f"{name}: the linear model does not include a base that its host moves; set own")
-    plant = _take(system, components[PLANT], Plant.from_parameters(p))
-    controller = _take(system, components[ISOLATOR], Isolator.from_parameters(p))
-    looped = TRACKER in components and POINTING in components
-    tracker = _take(system, components[TRACKER], DEFAULT_TRACKER) if looped else None
-    return SystemModel(
-        system,
-        components,
-        loop_of(plant, controller, orientation, 0.0),
-        round_delay(float(isolator.get("delay", 0.0)), h),
-        _take(system, components[SENSORS], default_sensors()) if SENSORS in components else None,
-        _take(system, components[COILS], Coils.from_parameters(p)) if COILS in components else None,
-        tracker,
-        None if tracker is None else _make_pointing(system, components[POINTING], tracker, orientation, h),
-        h,
-        dict(_list_turned(system, components)),
-    )
-
-
-def read_disturbance(system: System, component: str) -> DisturbanceSettings:
-    """What a source of disturbances makes with its start values.  Raises ``ParameterError`` for an impossible value."""
-    from ..disturbance import default_settings  # here: whether a loop is stable does not depend on it
-
-    try:
-        return take_values(default_settings(load()), find_values(system.component(component)))
-    except ParameterError as error:
-        raise ParameterError(f"{component}.{error.name}", error.problem) from None
-
-
-def _list_turned(system: System, components: Mapping[str, str]) -> Iterator[tuple[str, Turned]]:
-    """The parameters in TURNED by name."""
-    p = load()
-    physics = {
-        PLANT: Plant.from_parameters(p), ISOLATOR: Isolator.from_parameters(p), SENSORS: default_sensors(),
-        COILS: Coils.from_parameters(p), TRACKER: DEFAULT_TRACKER, POINTING: PointingLaw.from_parameters(p),
-    }  # fmt: skip
-    for fmu in TURNED.keys() & components.keys():
-        given, known = _given(system, components[fmu]), {entry.name: entry for entry in list_entries(physics[fmu])}
-        for name in (name for names in TURNED[fmu] for name in names):
-            value, unit = (known[name].value, known[name].unit) if name in known else (0.0, "s")  # of delays
-            yield f"{components[fmu]}.{name}", Turned(float(given.get(name, value)), unit)
-
-
-def _make_pointing(
-    system: System, component: str, tracker: Tracker, orientation: Array, h: float
-) -> SampledPointing:
-    law, given = _take(system, component, PointingLaw.from_parameters(load())), _given(system, component)
-    own = float(given.get("sample_time", 0.0)), round_delay(float(given.get("delay", 0.0)), h)
-    timing = Timing(tracker.sample_time, round_delay(tracker.latency, h), h, *own)
-    return SampledPointing(law.controller(orientation), timing, tracker.roll_measured)
-
-
-def _take(system: System, component: str, default: T) -> T:
-    """The physics of a component with its start values.  Raises ParameterError, naming the component, too."""
-    try:
-        return take_values(default, _given(system, component))
-    except ParameterError as error:
-        raise ParameterError(f"{component}.{error.name}", error.problem) from None
-
-
-def _given(system: System, component: str) -> dict[str, Value]:
-    return {name: entry.value for name, entry in system.component(component).parameters.items()}

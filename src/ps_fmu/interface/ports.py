@@ -14,8 +14,6 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 #: Of a controller's forces in communication steps; 0.1 s at 1e-4 s.
 LONGEST_DELAY = 1000
-#: An orientation this close (rad) is the same: a plant at rest varies it by rounding.
-SAME_ORIENTATION = 1e-12
 ORIENTATION = vector(
     "orientation", ("roll", "pitch", "yaw"), "rad", "Nominal orientation of P in B, from which the gains follow",
     causality="input", display_unit="deg", nominal=0.1,
@@ -63,23 +61,18 @@ def make_output_ports(signals: Iterable[Signal]) -> tuple[Port, ...]:
     )
 
 
-def make_control_ports(*, turn: str, resolution: float) -> tuple[Port, ...]:
-    """Parameters of a digital controller of the fine forces whose gains follow the orientation.
-
-    ``turn``, ``resolution`` (rad): description and start value of the turn that renews them.
-    """
-    return (
-        Port("force_limit", "parameter", "N", "Largest force of a fine actuator; 0 = no limit", min=0.0),
-        Port(
-            "delay", "parameter", "s", f"Pure delay of the forces, of at most {LONGEST_DELAY} steps",
-            min=0.0, display_unit="ms",
-        ),
-        Port(
-            "sample_time", "parameter", "s", "Sample time of the controller; 0 = every communication step",
-            min=0.0, display_unit="ms",
-        ),
-        Port("orientation_resolution", "parameter", "rad", turn, start=resolution, min=0.0, display_unit="deg"),
-    )  # fmt: skip
+#: Parameters of a digital controller of the fine forces.
+CONTROL_PORTS = (
+    Port("force_limit", "parameter", "N", "Largest force of a fine actuator; 0 = no limit", min=0.0),
+    Port(
+        "delay", "parameter", "s", f"Pure delay of the forces, of at most {LONGEST_DELAY} steps",
+        min=0.0, display_unit="ms",
+    ),
+    Port(
+        "sample_time", "parameter", "s", "Sample time of the controller; 0 = every communication step",
+        min=0.0, display_unit="ms",
+    ),
+)  # fmt: skip
 
 
 def refuse_parameters(method: F) -> F:
@@ -93,3 +86,10 @@ def refuse_parameters(method: F) -> F:
             raise ModelError(str(error)) from None
 
     return wrapper  # type: ignore[return-value]
+
+
+def refuse_delays(**times: float) -> None:
+    """Raise ModelError for a sample time or a delay, s, that is not 0: a linear continuous system has none."""
+    for name, time in times.items():
+        if time:
+            raise ModelError(f"{name} = {time:g} s: expected 0, since a linear continuous system has no delay")

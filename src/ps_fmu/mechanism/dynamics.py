@@ -14,131 +14,33 @@ The nominal model of the paper is the first three groups.  With the corrected si
 by ``dq_p = J_pf dd_f + J_pc dd_c + J_pb dq_b``; a prescribed coarse-leg motion enters through the same column as
 the stretch of its rod.  Centrifugal and Coriolis terms are neglected, as in the paper.
 
-**Kinetic energy of the six legs** in terms of platform and base motion (Appendix A).  Each leg is two slender parts on
-one line, joined by the actuator: the upper part hangs from the platform joint, the lower part from the base joint, and
-both turn with the leg.  Written for the telescoping leg, equations (A17)-(A25) serve all six: for a coarse leg, whose
-actuator is locked, the velocities of its ends along the leg are equal, and the expressions become the paper's for one
-rigid body whose centre of mass and inertia follow from the two parts at the leg's CURRENT length (the printed, constant
-values are off by 3-13 % near resonance when a coarse leg extends).  The same expressions stay right when a coarse rod
-stretches.
+The masses are those of the mechanism in any motion (:mod:`.equations`).  **Kinetic energy of the six legs** (Appendix
+A): each leg is two slender parts on one line, joined by the actuator: the upper part hangs from the platform joint, the
+lower part from the base joint, and both turn with the leg.  Written for the telescoping leg, equations (A17)-(A25)
+serve all six: for a coarse leg, whose actuator is locked, the expressions become the paper's for one rigid body whose
+centre of mass and inertia follow from the two parts at the leg's CURRENT length (the printed, constant values are off
+by 3-13 % near resonance when a coarse leg extends).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
+from itertools import accumulate
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .kinematics import Geometry, Jacobians, LegLines, find_leg_lines, jacobians, leg_rows
-from .modes import BusMode, PayloadMode, TrussMode, drop_unused
-from .parameters import Bus, CoarseLeg, Manipulator, Payload
+from .compiled import Mechanism
+from .kinematics import Jacobians, jacobians
+from .parameters import Bus, Manipulator, Payload
 from .quantities import Array
-from .rotations import cross, skew
+from .rotations import skew
 
 #: Groups of coordinates that :func:`assemble` can leave out.
 GROUPS = ("d_f", "q_b", "x_m", "e_c", "x_t")
 
-Legs = tuple[CoarseLeg, ...]
-
-TWO_PI = 2.0 * np.pi
 _EYE = np.eye(3)
-_SIGNS = np.array([[1.0, -1.0], [-1.0, 1.0]])
-
-
-@dataclass(frozen=True, eq=False)
-class LegMass:
-    """The blocks of eq (21) and (A16), each (..., 6, 6), for twists (translation, rotation) in B axes.
-
-    Twice the kinetic energy of the legs is ``vp' alpha vp + 2 vp' alpha_beta vb + vb' beta vb`` with ``vp`` the
-    twist of P at its origin and ``vb`` that of B at its origin.
-    """
-
-    alpha: Array
-    alpha_beta: Array
-    beta: Array
-    points: Array
-    """(..., 36, 12): velocities of both ends of each leg, platform joint first, from ``[vp, vb]``; eq (A5)."""
-    forces: Array
-    """(..., 36, 12): generalised forces by accelerations of these points that leave the legs' directions at rest.
-
-    ``points' @ forces`` are the blocks together.
-    """
-
-    def __getitem__(self, k: int) -> LegMass:
-        """At one pose of many."""
-        return LegMass(self.alpha[k], self.alpha_beta[k], self.beta[k], self.points[k], self.forces[k])
-
-
-@lru_cache(maxsize=8)
-def leg_moments(legs: Legs) -> tuple[tuple[Array, Array], tuple[Array, Array], Array]:
-    """Mass (kg) and first moment from its own joint (kg.m) of upper and lower parts, second moment of both (kg.m2).
-
-    All (legs, 1), along the leg; read-only.
-    """
-    upper, lower = (
-        np.array([[part.mass, part.com_distance, part.radial_inertia] for part in parts]).T[..., None]
-        for parts in ([leg.upper for leg in legs], [leg.lower for leg in legs])
-    )
-    second = np.asarray(sum(inertia + mass * com**2 for mass, com, inertia in (upper, lower)))
-    moments = (upper[0], lower[0]), (upper[0] * upper[1], lower[0] * lower[1]), second
-    for array in (upper, lower, *moments[1], second):
-        array.setflags(write=False)
-    return moments
-
-
-def leg_mass(legs: Legs, geometry: Geometry, translation_B: Array, rotation_BP: Array) -> LegMass:
-    """Mass blocks of the legs at a pose, eqs (A17)-(A25).
-
-    Parameters
-    ----------
-    legs: the six legs, coarse 1..3 then fine 1..3.
-    geometry: their joints.
-    translation_B, rotation_BP: the pose, (3,) m and (3, 3).
-    """
-    lines = find_leg_lines(geometry, translation_B, rotation_BP)
-    rows = leg_rows(lines.arms_B, lines.n_B), leg_rows(geometry.base_joints_B, lines.n_B)
-    return _leg_mass(legs, geometry, lines, *rows)
-
-
-def leg_mass_on(legs: Legs, geometry: Geometry, J: Jacobians) -> LegMass:
-    """As :func:`leg_mass`, at the pose of Jacobians."""
-    return _leg_mass(legs, geometry, J.legs, J.J_lp, J.J_lb)
-
-
-def _leg_mass(legs: Legs, geometry: Geometry, lines: LegLines, J_lp: Array, J_lb: Array) -> LegMass:
-    """The projection at right angles to a leg (A8) is the identity without ``n n'``; ``n' J_p`` is a row of J_lp."""
-    _, _, second = leg_moments(legs)
-    length, batch = lines.length, lines.length.shape[:-1]
-    turning = (second[:, 0] / length**2)[..., None, None]
-    # Masses of the two ends, what is at right angles to the leg alone: (A19), (A22), and minus (A25) beside them.
-    across = _SIGNS * (turning - _add_moments(legs) / length[..., None, None])
-    whole = across + _place_masses(legs)
-    points, along = np.zeros((*batch, 6, 2, 3, 12)), np.zeros((*batch, 6, 2, 12))
-    points[..., 0, :, :6] = lines.platform_points.reshape(*batch, 6, 3, 6)  # J_p and J_b of (A5)
-    points[..., 1, :, 6:] = geometry.base_points.reshape(6, 3, 6)
-    along[..., 0, :6], along[..., 1, 6:] = J_lp, J_lb
-    forces = (whole @ points.reshape(*batch, 6, 2, 36)).reshape(points.shape)
-    forces -= lines.n_B[..., None, :, None] * (across @ along)[..., None, :]
-    points, forces = points.reshape(*batch, 36, 12), forces.reshape(*batch, 36, 12)
-    blocks = points.mT @ forces
-    return LegMass(blocks[..., :6, :6], blocks[..., :6, 6:], blocks[..., 6:, 6:], points, forces)  # (A17), (A23), (A20)
-
-
-@lru_cache(maxsize=8)
-def _add_moments(legs: Legs) -> Array:
-    """(legs, 2, 2) kg.m: sums of the first moments of the parts at two ends, the upper one first."""
-    _, first, _ = leg_moments(legs)
-    upper, lower = (moment[:, 0] for moment in first)
-    return np.array([[2.0 * upper, upper + lower], [upper + lower, 2.0 * lower]]).transpose(2, 0, 1)
-
-
-@lru_cache(maxsize=8)
-def _place_masses(legs: Legs) -> Array:
-    """(legs, 2, 2) kg: the parts as points at their joints, the upper one first."""
-    return np.array([np.diag(masses) for masses in np.hstack(leg_moments(legs)[0])])
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,7 +66,6 @@ class Dynamics:
 
     pose: Pose
     jacobians: Jacobians
-    legs: LegMass
     M: Array  # (..., n, n) kg, kg.m, ...
     C: Array  # (..., n, n)
     K: Array  # (n, n)
@@ -175,18 +76,13 @@ class Dynamics:
 
     def __getitem__(self, k: int) -> Dynamics:
         """At one pose of many."""
-        by_pose = self.pose[k], self.jacobians[k], self.legs[k], self.M[k], self.C[k], self.K
+        by_pose = self.pose[k], self.jacobians[k], self.M[k], self.C[k], self.K
         return Dynamics(*by_pose, self.m_c[k], self.locked[k], self.active, self.slices)
 
     @property
     def n(self) -> int:
         """Number of coordinates, inactive ones included."""
         return len(self.active)
-
-    @property
-    def moving_modes(self) -> NDArray[np.bool_]:
-        """(n,) which coordinates are active modes of bus or payload."""
-        return _find_modes(self.active.tobytes(), *(self.slices[group].start for group in ("x_m", "e_c", "x_t")))
 
     def base_places(self) -> tuple[slice, slice]:
         """Places of the base's translation and rotation in ``q``."""
@@ -228,6 +124,15 @@ def bus_mass(bus: Bus) -> Array:
     return rigid_body_mass(bus.mass, bus.com_B, bus.inertia_B)
 
 
+def find_fine_mass(manipulator: Manipulator, payload: Payload, pose: Pose, J: Jacobians) -> tuple[Array, Array]:
+    """Inertial forces along the fine legs by their own accelerations (3, 3), and by those of the base (3, 6).
+
+    ``J``: the Jacobians at the pose.  All modes are held.
+    """
+    M, _, _ = Mechanism(manipulator, payload, None).find_masses(pose.translation_B, pose.rotation_BP, J.J_pl)
+    return M[:3, :3], M[:3, 3:9]
+
+
 def assemble(manipulator: Manipulator, payload: Payload, bus: Bus, pose: Pose) -> Dynamics:
     """The full model at one pose, see :class:`FlexibleSystem`."""
     return FlexibleSystem(manipulator, payload, bus).at(pose)
@@ -246,139 +151,33 @@ class FlexibleSystem:
 
     def at(self, pose: Pose, J: Jacobians | None = None) -> Dynamics:
         """The full model at a pose, or at many at once; ``J``: the Jacobians there, if they are known."""
-        geometry = self.manipulator.geometry
         if J is None:
-            J = jacobians(geometry, pose.translation_B, pose.rotation_BP)
-        legs = leg_mass_on(self._legs, geometry, J)
-        _, q_b, _, e_c, x_t = (self._slices[group] for group in GROUPS)
-        M_fixed, C_fixed, K, active = self._fixed
+            J = jacobians(self.manipulator.geometry, pose.translation_B, pose.rotation_BP)
+        mechanism, n, batch, slices = self._mechanism, self.n, J.J_pl.shape[:-2], self._slices
+        stiffness, damping, active = mechanism.describe_coordinates()
+        M, C, m_c = np.empty((*batch, n, n)), np.zeros((*batch, n, n)), np.empty((*batch, n, 3))
+        locked = np.empty((*batch, 6, 6))
+        for k in np.ndindex(batch):
+            M[k], m_c[k], locked[k] = mechanism.find_masses(pose.translation_B[k], pose.rotation_BP[k], J.J_pl[k])
+            damping[slices["e_c"]] = mechanism.damp_rods(M[k])
+            np.fill_diagonal(C[k], damping)
+        return Dynamics(pose, J, M, C, np.diag(stiffness), m_c, locked, active, slices)
 
-        # Platform twist from q, then the quadratic forms of eqs (20)-(23); that of the base is q_b itself.
-        platform = _make_platform_rows(J, self._slices)
-        M = platform.mT @ (payload_mass(self.payload, pose.rotation_BP) + legs.alpha) @ platform
-        both = platform.mT @ legs.alpha_beta
-        M[..., q_b] += both
-        M[..., q_b, :] += both.mT
-        M[..., q_b, q_b] += legs.beta
-        locked = M[..., q_b, q_b].copy()
-        M += M_fixed
-        # The masses of the modes move with the platform and along their own directions.
-        mass, position_B, along_B, moments_B = self.modes_at(pose.rotation_BP)
-        moments_B = cross(position_B, along_B) + moments_B
-        with_platform = mass[:, None] * (np.concatenate([along_B, moments_B], axis=-1) @ platform)
-        M[..., x_t, :] += with_platform
-        M[..., x_t] += with_platform.mT
-        C = np.empty_like(M)
-        C[:] = C_fixed
-        rods, flat = self.manipulator.coarse_rods, (*M.shape[:-2], -1)
-        masses, damping = (each.reshape(flat)[..., :: self.n + 1][..., e_c] for each in (M, C))  # on the diagonal
-        damping[:] = 2.0 * rods.damping_ratio * np.sqrt(rods.axial_stiffness * masses)
-        return Dynamics(pose, J, legs, M, C, K, M[..., e_c].copy(), locked, active, self._slices)
+    @cached_property
+    def _mechanism(self) -> Mechanism:
+        return Mechanism(self.manipulator, self.payload, self.bus)
 
     @property
     def n(self) -> int:
         """Number of coordinates, inactive ones included."""
-        return self._slices[GROUPS[-1]].stop
-
-    @property
-    def leg_moments(self) -> tuple[tuple[Array, Array], tuple[Array, Array], Array]:
-        """See :func:`.dynamics.leg_moments`."""
-        return self._leg_moments
-
-    @cached_property
-    def _leg_moments(self) -> tuple[tuple[Array, Array], tuple[Array, Array], Array]:
-        return leg_moments(self._legs)
-
-    @cached_property
-    def legs_mass(self) -> float:
-        """Mass of the six legs, kg."""
-        upper, lower = self.leg_moments[0]
-        return float(np.sum(upper) + np.sum(lower))
-
-    @cached_property
-    def _legs(self) -> Legs:
-        return self.manipulator.coarse_legs + self.manipulator.fine_legs
-
-    @property
-    def bus_mass(self) -> Array:
-        """(6, 6) mass matrix of the bus, see :func:`bus_mass`."""
-        q_b = self._slices["q_b"]
-        return self._fixed[0][q_b, q_b]
-
-    def modes_at(self, rotation_BP: Array) -> tuple[Array, Array, Array, Array]:
-        """Masses (n,) of the modes of the payload, kg; places from the origin of P, directions, moments.
-
-        (..., n, 3) each, m, 1 and m, axes of B; see :class:`.modes.ModeOnPayload`.
-        """
-        mass, position_P, direction_P, moment_P = self._on_payload
-        R_PB = rotation_BP.mT
-        return mass, position_P @ R_PB, direction_P @ R_PB, moment_P @ R_PB
-
-    def find_turns(self, sensitivity: float) -> Array:
-        """(2, n) turn of the line of sight about x and y of P, rad per unit of each coordinate of ``x_t``.
-
-        ``sensitivity``: of the truss modes, see :class:`.parameters.Optics`.
-        """
-        turns = [mode.place_on_payload(sensitivity).line_of_sight for mode in self._payload_modes]
-        return np.reshape(turns, (-1, 2)).T
+        return self._mechanism.n
 
     @cached_property
     def _slices(self) -> dict[str, slice]:
-        n_bus, n_payload = len(self._bus_modes), len(self._payload_modes)
-        return _places({"d_f": 3, "q_b": 6, "x_m": n_bus, "e_c": 3, "x_t": n_payload})
-
-    @cached_property
-    def _bus_modes(self) -> Sequence[BusMode]:
-        return drop_unused(self.bus.modes)
-
-    @cached_property
-    def _payload_modes(self) -> Sequence[TrussMode | PayloadMode]:
-        return drop_unused((*self.payload.truss_modes, *self.payload.modes))
-
-    @cached_property
-    def _on_payload(self) -> tuple[Array, Array, Array, Array]:
-        """Mass (n,) kg, position (n, 3) m, direction (n, 3) and moment (n, 3) m of the payload's modes, in P."""
-        modes = [mode.place_on_payload(0.0) for mode in self._payload_modes]
-        position, direction, moment = (
-            np.reshape([getattr(mode, name) for mode in modes], (-1, 3))
-            for name in ("position_P", "direction_P", "moment_P")
-        )
-        return np.array([mode.mass for mode in modes]), position, direction, moment
-
-    @cached_property
-    def _fixed(self) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
-        """M, C, K without what the pose adds, and which coordinates are active; M of the bus alone, eq (25)."""
-        d_f, q_b, x_m, e_c, x_t = (self._slices[group] for group in GROUPS)
-        n = x_t.stop
-        M, C, K, active = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n)), np.ones(n, dtype=bool)
-        M[q_b, q_b] = bus_mass(self.bus)
-        for k, leg in enumerate(self.manipulator.fine_legs, d_f.start):
-            K[k, k], C[k, k] = leg.stiffness, leg.damping
-        for k, mode in enumerate(self._bus_modes, x_m.start):
-            omega = TWO_PI * mode.frequency
-            M[q_b, k] = M[k, q_b] = mode.participation_B  # M_b12
-            M[k, k], C[k, k], K[k, k] = 1.0, 2.0 * mode.damping_ratio * omega, omega**2
-            active[k] = mode.active
-        masses = self._on_payload[0].tolist()
-        for k, (own, mass) in enumerate(zip(self._payload_modes, masses, strict=True), x_t.start):
-            omega = TWO_PI * own.frequency
-            M[k, k], C[k, k], K[k, k] = mass, 2.0 * own.damping_ratio * omega * mass, omega**2 * mass
-            active[k] = own.active
-        stiffness = self.manipulator.coarse_rods.axial_stiffness
-        for k in range(e_c.start, e_c.stop):
-            K[k, k] = stiffness
-        active[e_c] = stiffness > 0.0
-        for shared in (K, active):
-            shared.setflags(write=False)
-        return M, C, K, active
-
-
-@lru_cache(maxsize=8)
-def _find_modes(active: bytes, bus: int, rods: int, truss: int) -> NDArray[np.bool_]:
-    """Of :attr:`Dynamics.moving_modes`, by the first places of the groups of coordinates."""
-    moving = np.frombuffer(active, dtype=bool).copy()
-    moving[:bus] = moving[rods:truss] = False
-    return moving
+        n_bus, n_payload = self._mechanism.struct.n_bus, self._mechanism.struct.n_payload
+        sizes = dict(zip(GROUPS, (3, 6, n_bus, 3, n_payload), strict=True))
+        ends = dict(zip(GROUPS, accumulate(sizes.values()), strict=True))
+        return {group: slice(ends[group] - size, ends[group]) for group, size in sizes.items()}
 
 
 def _make_platform_rows(J: Jacobians, slices: dict[str, slice]) -> Array:
@@ -386,11 +185,3 @@ def _make_platform_rows(J: Jacobians, slices: dict[str, slice]) -> Array:
     rows = np.zeros((*J.J_pl.shape[:-1], slices[GROUPS[-1]].stop))
     rows[..., slices["d_f"]], rows[..., slices["q_b"]], rows[..., slices["e_c"]] = J.J_pf, J.J_pb, J.J_pc
     return rows
-
-
-def _places(sizes: dict[str, int]) -> dict[str, slice]:
-    places, start = {}, 0
-    for group, size in sizes.items():
-        places[group] = slice(start, start + size)
-        start += size
-    return places

@@ -1,283 +1,180 @@
 """Inverse kinematics with the fine actuators at rest, section 2.3: orientation to coarse displacement, and its limits.
 
 The orientation alone is commanded.  The constraint ``d_f = 0`` (17) fixes the translation: it lies on three
-spheres, ``|t - c_i| = l_f0i`` with centres ``c_i = r_bfi - R r_pfi``.  Two methods find it, each a function
-of the geometry and of rotation matrices: :func:`trilaterate`, closed form and exact to rounding, and
-:func:`descend`, the paper's Algorithm 1.  :func:`inverse_kinematics` takes either and adds the
-displacements of eq (16).  A pose is reachable if the spheres meet, within the coarse stroke, away from singularity.
+spheres, ``|t - c_i| = l_f0i`` with centres ``c_i = r_bfi - R r_pfi``.  Two methods find it, in C that the FMUs run, too
+(``native/control/poses.c``):
+
+Trilateration, in closed form and exact to rounding.  With ``u = c_2 - c_1``, ``v = c_3 - c_1``, ``w = u x v`` and
+``x = t - c_1``, sphere 1 subtracted from the others gives ``x.u = (u^2 + r_1^2 - r_2^2)/2`` and likewise for v;
+sphere 1 gives the component of x along w up to its sign.  The two roots are mirror images in the plane of the centres.
+The platform cannot pass from one to the other without d_f = 0 becoming singular, so that the root with the sign of the
+nominal pose is the right one.
+
+Algorithm 1 of the paper, gradient descent on the length errors of the fine legs: ``t <- t + mu J e`` with ``J = [n_f1
+n_f2 n_f3]`` and ``e = l_f0 - l_f``, from the nominal translation until ``|e| < epsilon``.  It converges only for ``mu <
+2/lambda_max(J J^T)``, 0.79 to 0.84 in the workspace of the identified geometry.  1e-6 m leaves up to 4e-4 deg when the
+coarse lengths are realised exactly; 1e-8 deg needs about 1e-11 m.
+
+A pose is reachable if the spheres meet, within the coarse stroke, away from singularity.
 """
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Callable
+from ctypes import c_char_p, c_double, c_int64, c_void_p
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .kinematics import (
-    LARGEST_CONDITION,
-    Geometry,
-    KinematicsError,
-    NotConvergedError,
-    condition_number,
-    displacements,
-    platform_jacobian,
-    platform_joints_B,
-)
+from ..numerics.library import find_address, find_library
+from .kinematics import LARGEST_CONDITION, Geometry, KinematicsError, NotConvergedError, platform_joints_B
 from .quantities import Array
-from .rotations import cross, dot, rotation_matrix
 
 BoolArray = NDArray[np.bool_]
 
 
-@dataclass(frozen=True, eq=False)
-class Translation:
-    """Translation of the platform that keeps the fine legs at their nominal length."""
+class Method(ctypes.Structure):
+    """``Method`` of ``native/control/mechanism.h``: trilateration, or Algorithm 1 where ``most`` is above 0."""
 
-    translation_B: Array
-    """(..., 3), m; nan where ``solved`` is false."""
-    solved: BoolArray
-    """(...), bool: whether the three spheres have a common point."""
-    gaps: Array
-    """(..., 3), m: what each fine leg lacks to reach the point in the plane of the sphere centres that has
-    the same power with respect to all three; zero where solved, inf where the centres lie on a line."""
-    iterations: int = 0
-    """Iterations of Algorithm 1 for the slowest orientation; 0 for the closed form."""
+    _fields_ = (("mu", c_double), ("epsilon", c_double), ("most", c_int64))
 
 
-Solver = Callable[[Geometry, Array], Translation]
+TRILATERATION = Method()
+
+
+def make_algorithm_1(mu: float = 0.73, epsilon: float = 1e-6, max_iterations: int = 500) -> Method:
+    """Algorithm 1 with a step size mu, an error limit epsilon (m) and a bound of its iterations.
+
+    Raises KinematicsError: a setting is out of range.
+    """
+    if not (epsilon > 0.0 and max_iterations >= 1):
+        raise KinematicsError(
+            f"Algorithm 1: expected epsilon > 0 and max_iterations >= 1, got {epsilon!r} and {max_iterations!r}"
+        )
+    return Method(mu, epsilon, max_iterations)
+
+
+_FOUND, _FAR, _COLLINEAR, _APART, _DIVERGES, _UNFINISHED = range(6)
+_POSE = np.dtype(
+    [("status", "f8"), ("iterations", "f8"), ("t_B", "f8", 3), ("R", "f8", (3, 3)), ("arms_B", "f8", (6, 3)),
+     ("n_B", "f8", (6, 3)), ("length", "f8", 6), ("displacement", "f8", 6), ("gap", "f8", 3), ("bound", "f8"),
+     ("left", "f8")]
+)  # fmt: skip
+"""``Pose`` of ``native/control/mechanism.h``."""
+N_GEOMETRY = 50
+"""Numbers of ``Geometry`` there."""
 
 
 @dataclass(frozen=True, eq=False)
 class InversePose:
-    """Pose and displacements for commanded orientations with the fine actuators at rest."""
+    """Pose and displacements for commanded orientations with the fine actuators at rest.
+
+    The stroke is not looked at: see :func:`reachable`.
+    """
 
     orientation: Array
     """(..., 3), roll, pitch and yaw, rad."""
-    translation_B: Array
-    """(..., 3), m; nan where not solved."""
-    coarse_displacement: Array
-    """(..., 3), m, from nominal; nan where not solved."""
-    fine_displacement: Array
-    """(..., 3), m: what the method left of d_f = 0; nan where not solved."""
-    solved: BoolArray
-    """(...), bool: whether a pose with d_f = 0 exists."""
-    gaps: Array
-    """(..., 3), m: see :class:`Translation`."""
-    iterations: int
+    found: NDArray[np.void]
+    """(...), what C found."""
+
+    @property
+    def translation_B(self) -> Array:
+        """(..., 3), m; nan where not solved."""
+        return np.asarray(self.found["t_B"])
+
+    @property
+    def rotation_BP(self) -> Array:
+        """(..., 3, 3), P to B, eq (14)."""
+        return np.asarray(self.found["R"])
+
+    @property
+    def coarse_displacement(self) -> Array:
+        """(..., 3), m, from nominal; nan where not solved."""
+        return np.asarray(self.found["displacement"][..., :3])
+
+    @property
+    def fine_displacement(self) -> Array:
+        """(..., 3), m: what the method left of d_f = 0; nan where not solved."""
+        return np.asarray(self.found["displacement"][..., 3:])
 
     @property
     def residual(self) -> Array:
         """(...), m: the largest ``|l_f - l_f0|``."""
         return np.asarray(np.max(np.abs(self.fine_displacement), axis=-1))
 
+    @property
+    def solved(self) -> BoolArray:
+        """(...), bool: whether a pose with d_f = 0 exists."""
+        return np.asarray(self.found["status"] == _FOUND)
 
-def trilaterate(geometry: Geometry, R: Array) -> Translation:
-    """Closed-form solution of ``d_f = 0``: the common point of three spheres, on the nominal side.
+    @property
+    def gaps(self) -> Array:
+        """(..., 3), m: what each fine leg lacks to reach the point in the plane of the sphere centres that has the same
+        power with respect to all three; zero where solved, inf where the centres lie on a line."""
+        return np.where((self.found["status"] == _COLLINEAR)[..., None], np.inf, self.found["gap"])
 
-    With ``u = c_2 - c_1``, ``v = c_3 - c_1``, ``w = u x v`` and ``x = t - c_1``, subtracting sphere 1 from
-    the others gives ``x.u = (u^2 + r_1^2 - r_2^2)/2`` and likewise for v; sphere 1 gives the component of x
-    along w up to its sign.  The two roots are mirror images in the plane of the centres.  The platform
-    cannot pass from one to the other without d_f = 0 becoming singular, so that the root with the sign of
-    the nominal pose is the right one.
-
-    Parameters
-    ----------
-    R: (..., 3, 3), P to B.
-
-    Returns
-    -------
-    Translation: orientations without a real solution are marked, never raised.
-    """
-    c1, u, v, w = _sphere_triangle(geometry, R)
-    r1, r2, r3 = geometry.nominal_lengths[3:]
-    a = 0.5 * (dot(u, u) + (r1 - r2) * (r1 + r2))[..., None]
-    b = 0.5 * (dot(v, v) + (r1 - r3) * (r1 + r3))[..., None]
-    ww = dot(w, w)[..., None]
-    # The height of the triangle against its longest side: below rounding, the centres lie on a line.
-    collinear = ww[..., 0] <= 1e-24 * np.maximum(dot(u, u), dot(v, v)) ** 2
-    with np.errstate(divide="ignore", invalid="ignore"):
-        in_plane = (a * cross(v, w) + b * cross(w, u)) / ww  # radical centre, from c1
-        height_squared = r1**2 - dot(in_plane, in_plane)
-        solved = ~collinear & (height_squared >= 0.0)
-        height = np.where(solved, np.sqrt(height_squared), np.nan)[..., None]
-        x = in_plane + _nominal_side(geometry) * height * w / np.sqrt(ww)
-    gaps = np.zeros(x.shape)
-    if not np.all(solved):
-        centres = np.stack([np.zeros_like(u), u, v], axis=-2)
-        short = np.linalg.norm(in_plane[..., None, :] - centres, axis=-1) - geometry.nominal_lengths[3:]
-        gaps = np.where(solved[..., None], 0.0, np.where(collinear[..., None], np.inf, short))
-    return Translation(translation_B=c1 + x, solved=solved, gaps=gaps)
+    @property
+    def iterations(self) -> int:
+        """Iterations of Algorithm 1 for the slowest orientation; 0 for the closed form."""
+        return int(self.found["iterations"].max(initial=0.0))
 
 
-def descend(
-    geometry: Geometry,
-    R: Array,
-    mu: float = 0.73,
-    epsilon: float = 1e-6,
-    max_iterations: int = 500,
-    start_B: Array | None = None,
-) -> Translation:
-    """Algorithm 1 of the paper: gradient descent on the length errors of the fine legs.
-
-    ``t <- t + mu J e`` with ``J = [n_f1 n_f2 n_f3]`` and ``e = l_f0 - l_f``, until ``|e| < epsilon``.  It
-    converges only for ``mu < 2/lambda_max(J J^T)``, 0.79 to 0.84 in the workspace of the identified
-    geometry.  Each orientation of a batch stops on its own, so that its result does not depend on the
-    others.
-
-    Parameters
-    ----------
-    R: (..., 3, 3), P to B.
-    mu: step size.
-    epsilon: m, limit of the Euclidean norm of the three length errors.  1e-6 m leaves up to 4e-4 deg when
-        the coarse lengths are realised exactly; 1e-8 deg needs about 1e-11 m.
-    max_iterations: give up after so many.
-    start_B: (..., 3), m, first guess; default: the nominal translation.
-
-    Raises
-    ------
-    KinematicsError: a setting is out of range, or mu exceeds its bound at the first guess; the text has the
-        bound.
-    NotConvergedError: the error limit was not reached; the attribute ``residual`` is the largest error
-        left, m.
-    """
-    if not (epsilon > 0.0 and max_iterations >= 1):
-        raise KinematicsError(
-            f"Algorithm 1: expected epsilon > 0 and max_iterations >= 1, "
-            f"got {epsilon!r} and {max_iterations!r}"
-        )
-    batch = R.shape[:-2]
-    centres = (geometry.base_joints_B[3:] - platform_joints_B(geometry, R)[..., 3:, :]).reshape(-1, 3, 3)
-    start = geometry.nominal_translation_B if start_B is None else start_B
-    t = np.array(np.broadcast_to(start, (*batch, 3)), dtype=float).reshape(-1, 3)
-    _check_step_size(t[:, None, :] - centres, mu)
-
-    radii = geometry.nominal_lengths[3:]
-    active = np.arange(len(t))
-    error = np.zeros(0)
-    for iteration in range(1, max_iterations + 1):
-        legs = t[active, None, :] - centres[active]
-        lengths = np.linalg.norm(legs, axis=-1)
-        e = radii - lengths
-        t[active] += mu * np.sum((e / lengths)[..., None] * legs, axis=-2)
-        error = np.linalg.norm(e, axis=-1)
-        # The paper tests the error before the update, and returns the point after it.
-        active = active[~(error < epsilon)]
-        if not len(active):
-            solved = np.ones(batch, dtype=bool)
-            return Translation(t.reshape(*batch, 3), solved, np.zeros((*batch, 3)), iteration)
-    residual = float(np.max(error))
-    raise NotConvergedError(
-        f"Algorithm 1 stopped after {max_iterations} iterations with a length error of {residual:.3e} m, "
-        f"expected less than {epsilon:.1e} m ({len(active)} of {len(t)} orientations); the "
-        "fine legs may be unable to reach the orientation, or allow more iterations",
-        residual,
-    )
-
-
-def step_size_bound(geometry: Geometry, translation_B: Array, R: Array) -> float:
-    """Largest step size with which Algorithm 1 can converge, ``2/lambda_max(J J^T)``, smallest over a batch.
-
-    Parameters
-    ----------
-    translation_B: (..., 3), m.
-    R: (..., 3, 3).
-    """
-    centres = geometry.base_joints_B[3:] - platform_joints_B(geometry, R)[..., 3:, :]
-    return _bound(translation_B[..., None, :] - centres)
-
-
-def inverse_kinematics(geometry: Geometry, orientation: Array, solver: Solver = trilaterate) -> InversePose:
+def inverse_kinematics(geometry: Geometry, orientation: Array, method: Method = TRILATERATION) -> InversePose:
     """Pose and displacements for commanded orientations, eqs (16) and (17).
 
     Parameters
     ----------
     orientation: (..., 3), roll, pitch and yaw, rad.
-    solver: :func:`trilaterate`, or :func:`descend` (with ``functools.partial`` for other settings).
+    method: :data:`TRILATERATION`, or that of :func:`make_algorithm_1`.
 
     Returns
     -------
-    InversePose: ``solved`` is false where no pose exists.  The stroke is not looked at: see :mod:`.inverse_kinematics`.
+    InversePose: ``solved`` is false where no pose exists.
 
     Raises
     ------
-    KinematicsError: the orientation is not finite or has the wrong shape; or what the solver raises.
+    KinematicsError: the orientation is not finite or has the wrong shape; mu exceeds its bound at the first guess,
+        which the text states.
+    NotConvergedError: Algorithm 1 did not reach its error limit; the attribute ``residual`` is the error left, m.
     """
-    orientation = np.asarray(orientation, dtype=float)
+    orientation = np.ascontiguousarray(orientation, dtype=float)
     if orientation.shape[-1:] != (3,) or not np.all(np.isfinite(orientation)):
         raise KinematicsError(
             "orientation: expected finite roll, pitch and yaw (..., 3), rad, "
             f"got shape {orientation.shape}: {orientation}"
         )
-    R = rotation_matrix(orientation)
-    solution = solver(geometry, R)
-    d = displacements(geometry, solution.translation_B, R)
-    return InversePose(
-        orientation=orientation,
-        translation_B=solution.translation_B,
-        coarse_displacement=d[..., :3],
-        fine_displacement=d[..., 3:],
-        solved=solution.solved,
-        gaps=solution.gaps,
-        iterations=solution.iterations,
+    found = np.empty(orientation.shape[:-1], _POSE)
+    _library().control_find_poses(
+        find_address(pack_geometry(geometry)), method, find_address(orientation), found.size, found.ctypes.data
     )
-
-
-def _sphere_triangle(geometry: Geometry, R: Array) -> tuple[Array, Array, Array, Array]:
-    """First sphere centre, the edges u and v from it to the others, and w = u x v; (..., 3) each, in B."""
-    centres = geometry.base_joints_B[3:] - platform_joints_B(geometry, R)[..., 3:, :]
-    c1 = centres[..., 0, :]
-    u, v = centres[..., 1, :] - c1, centres[..., 2, :] - c1
-    return c1, u, v, cross(u, v)
-
-
-@lru_cache(maxsize=8)
-def _nominal_side(geometry: Geometry) -> float:
-    """On which side of the plane of the sphere centres the nominal pose lies: +1 along w, or -1."""
-    c1, _, _, w = _sphere_triangle(geometry, np.eye(3))
-    return float(np.copysign(1.0, np.dot(geometry.nominal_translation_B - c1, w)))
-
-
-def _check_step_size(legs: Array, mu: float) -> None:
-    bound = _bound(legs)
-    if not 0.0 < mu < bound:
-        raise KinematicsError(
-            f"Algorithm 1 diverges with mu = {mu:g}: expected 0 < mu < 2/lambda_max(J J^T) = {bound:.4f} "
-            "at the first guess"
-        )
-
-
-def _bound(legs: Array) -> float:
-    n = legs / np.linalg.norm(legs, axis=-1, keepdims=True)
-    # J^T J has the eigenvalues of J J^T that are not zero.
-    largest = np.linalg.eigvalsh(n @ np.swapaxes(n, -1, -2))[..., -1]
-    return float(2.0 / np.max(largest))
-
-
-# A pose computed to lie on the limit of the stroke still counts as within: rounding of a length is far
-# smaller.
-STROKE_TOLERANCE = 1e-12  # m
-_SCAN = 60  # points of a curve of orientations, before bisection
-_HALVINGS = 40  # of an interval of such a curve: 1e-12 of it
-
-
-def stroke_margin(geometry: Geometry, coarse_displacement: Array) -> Array:
-    """Distance of each coarse leg from the nearer end of its stroke, negative beyond it; (..., 3), m."""
-    low, high = geometry.coarse_stroke
-    return np.minimum(coarse_displacement - low, high - coarse_displacement)
-
-
-def within_stroke(geometry: Geometry, coarse_displacement: Array) -> BoolArray:
-    """Whether all three coarse legs are within their stroke; (..., 3), m, to (...), bool.  False for nan."""
-    return np.asarray(np.all(stroke_margin(geometry, coarse_displacement) >= -STROKE_TOLERANCE, axis=-1))
+    pose = InversePose(orientation, found)
+    if method.most and (found["status"] >= _DIVERGES).any():
+        k = int(np.argmax(found["status"].reshape(-1) >= _DIVERGES))
+        text, left = _explain(geometry, method, pose, k), found.reshape(-1)[k]
+        raise NotConvergedError(text, left["left"]) if left["status"] == _UNFINISHED else KinematicsError(text)
+    return pose
 
 
 def reachable(geometry: Geometry, pose: InversePose) -> BoolArray:
     """Whether a pose exists with d_f = 0, within the stroke and nonsingular; (...), bool."""
-    nonsingular = _conditions(geometry, pose) <= LARGEST_CONDITION
-    return np.asarray(pose.solved & within_stroke(geometry, pose.coarse_displacement) & nonsingular)
+    result = np.empty(pose.found.shape, dtype=bool)
+    geometry_at = find_address(pack_geometry(geometry))
+    _library().control_check_poses(geometry_at, pose.found.ctypes.data, pose.found.size, result.ctypes.data)
+    return result
+
+
+def why_unreachable(geometry: Geometry, pose: InversePose) -> str | None:
+    """The first unreachable pose of a batch in words: which leg or sphere fails, by how much and where.
+
+    Returns
+    -------
+    None when every pose is reachable.
+    """
+    ok = reachable(geometry, pose).reshape(-1)
+    return None if ok.all() else _explain(geometry, TRILATERATION, pose, int(np.argmin(ok)))
 
 
 def reach_along(geometry: Geometry, orientation_at: Callable[[Array], Array], n: int, longest: float) -> Array:
@@ -304,6 +201,10 @@ def reach_along(geometry: Geometry, orientation_at: Callable[[Array], Array], n:
     return np.where(within[0], np.where(left, low, longest), -1.0)
 
 
+_SCAN = 60  # points of a curve of orientations, before bisection
+_HALVINGS = 40  # of an interval of such a curve: 1e-12 of it
+
+
 def pure_limits(geometry: Geometry) -> Array:
     """How far each angle alone can go, the other two at zero: (3, 2), smallest and largest, rad."""
     axes = np.concatenate([-np.eye(3), np.eye(3)])
@@ -311,47 +212,45 @@ def pure_limits(geometry: Geometry) -> Array:
     return np.column_stack([-reach[:3], reach[3:]])
 
 
-def why_unreachable(geometry: Geometry, pose: InversePose) -> str | None:
-    """The first unreachable pose of a batch in words: which leg or sphere fails, by how much and where.
+def step_size_bound(geometry: Geometry, translation_B: Array, R: Array) -> float:
+    """Largest step size with which Algorithm 1 can converge, ``2/lambda_max(J J^T)``.
 
-    Returns
-    -------
-    None when every pose is reachable.
+    Parameters
+    ----------
+    translation_B: (3,), m.
+    R: (3, 3).
     """
-    ok = np.atleast_1d(reachable(geometry, pose))
-    if np.all(ok):
-        return None
-    i = int(np.argmin(ok.reshape(-1)))
-    roll, pitch, yaw = np.degrees(pose.orientation.reshape(-1, 3)[i])
-    return f"{_reason(geometry, pose, i)} at roll {roll:.4f}, pitch {pitch:.4f}, yaw {yaw:.4f} deg"
+    legs = translation_B - geometry.base_joints_B[3:] + platform_joints_B(geometry, R)[3:]
+    return float(2.0 / np.linalg.norm(legs / np.linalg.norm(legs, axis=-1, keepdims=True), 2) ** 2)
 
 
-def _reason(geometry: Geometry, pose: InversePose, i: int) -> str:
-    if not pose.solved.reshape(-1)[i]:
-        gaps = pose.gaps.reshape(-1, 3)[i]
-        if np.isinf(gaps).any():
-            return "the centres of the three spheres of the fine legs lie on a line"
-        leg = int(np.argmax(gaps))
-        return (
-            "the three spheres of the fine legs have no common point: "
-            f"fine leg {leg + 1} is {1e3 * gaps[leg]:.4g} mm too short"
-        )
-    margins = stroke_margin(geometry, pose.coarse_displacement).reshape(-1, 3)[i]
-    leg = int(np.argmin(margins))
-    if margins[leg] < -STROKE_TOLERANCE:
-        low, high = 1e3 * geometry.coarse_stroke
-        d = 1e3 * pose.coarse_displacement.reshape(-1, 3)[i, leg]
-        return (
-            f"coarse leg {leg + 1} would need {d:+.4f} mm, {-1e3 * margins[leg]:.4g} mm beyond its stroke of "
-            f"{low:+g} to {high:+g} mm,"
-        )
-    return f"the six legs are singular (condition number {_conditions(geometry, pose).reshape(-1)[i]:.2e})"
+@lru_cache(maxsize=8)
+def pack_geometry(geometry: Geometry) -> Array:
+    """``Geometry`` of ``native/control/mechanism.h``, (N_GEOMETRY,); read-only."""
+    centres = (geometry.base_joints_B - geometry.platform_joints_P)[3:]  # of the spheres, at the nominal pose
+    above = np.cross(centres[1] - centres[0], centres[2] - centres[0]) @ (geometry.nominal_translation_B - centres[0])
+    packed = np.concatenate([
+        geometry.base_joints_B.ravel(), geometry.platform_joints_P.ravel(), geometry.nominal_translation_B,
+        geometry.nominal_lengths, geometry.coarse_stroke,
+        [np.copysign(1.0, above), geometry.platform_radius, LARGEST_CONDITION],
+    ])  # fmt: skip
+    packed.setflags(write=False)
+    return packed
 
 
-def _conditions(geometry: Geometry, pose: InversePose) -> Array:
-    """Condition number of J_lp, nan where there is no pose."""
-    solved = np.atleast_1d(pose.solved)
-    result = np.full(solved.shape, np.nan)
-    t, R = np.atleast_2d(pose.translation_B)[solved], rotation_matrix(np.atleast_2d(pose.orientation))[solved]
-    result[solved] = condition_number(geometry, platform_jacobian(geometry, t, R))
-    return result.reshape(pose.solved.shape)
+def _explain(geometry: Geometry, method: Method, pose: InversePose, k: int) -> str:
+    text = ctypes.create_string_buffer(512)
+    orientation, found = np.ascontiguousarray(pose.orientation.reshape(-1, 3)[k]), pose.found.reshape(-1)[k : k + 1]
+    _library().control_explain(
+        find_address(pack_geometry(geometry)), method, find_address(orientation), found.ctypes.data, text, len(text)
+    )
+    return text.value.decode()
+
+
+@cache
+def _library() -> ctypes.CDLL:
+    library, method = find_library(), ctypes.POINTER(Method)
+    library.control_find_poses.argtypes = c_void_p, method, c_void_p, c_int64, c_void_p
+    library.control_check_poses.argtypes = c_void_p, c_void_p, c_int64, c_void_p
+    library.control_explain.argtypes = c_void_p, method, c_void_p, c_void_p, c_char_p, c_int64
+    return library

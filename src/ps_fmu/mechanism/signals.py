@@ -43,15 +43,30 @@ OUTPUTS = (
     ),
 )  # fmt: skip
 
+#: What the host's hub feels of the relative motion.
+REACTION = (
+    Signal("bus_force", _XYZ, "N", "With base = prescribed: force on the host's bus at the origin of B, in B", 0.1),
+    Signal(
+        "bus_torque", _XYZ, "N.m", "With base = prescribed: torque on the host's bus about the origin of B, in B", 0.1
+    ),
+)
+#: Legs and payload as one rigid body, after their mass in kg.
+LOCKED = (
+    Signal("locked_com", _XYZ, "m", "Centre of mass of legs and payload at the present pose, in B", 0.1, None, False),
+    Signal(
+        "locked_inertia", ("xx", "xy", "xz", "yy", "yz", "zz"), "kg.m2",
+        "Inertia of legs and payload at the present pose, about the origin of B, in B", 1.0, None, False,
+    ),
+)  # fmt: skip
 #: Size of ``y``.
 N_OUTPUTS = sum(len(signal.components) for signal in OUTPUTS)
 #: Size of ``u``.
-N_INPUTS = 24
+N_INPUTS = 22
 #: Fine forces and base wrench, the first inputs.
 N_LOADS = 9
 #: With further fine forces and payload wrench: what acts from outside.
 N_EXTERNAL = 18
-ADDED, PAYLOAD, RATE, TIME = slice(9, 12), slice(12, 18), slice(18, 21), slice(21, 23)
+ADDED, RATE = slice(9, 12), slice(18, 21)
 
 
 def output_slices() -> dict[str, slice]:

@@ -12,7 +12,8 @@ program         what it is
                 their messages; ``native.c``: what is done without Python; ``floats.c``: floating-point settings;
                 ``launcher.c``, ``status.c``: the functions of FMI 2.0; ``platform.h`` and the folders ``posix`` and
                 ``windows``: what differs between operating systems
-``numerics``    the arithmetic of :mod:`ps_fmu.numerics`, which FMUs carry
+``numerics``    the arithmetic of :mod:`ps_fmu.numerics`, and steps in C, which FMUs carry.  ``mechanism``: any motion;
+                ``control``: poses, gains, motion profiles; steps of isolator, pointing controller, commander
 ``loop``        the master's loop, and what guards it from FMUs in its process
 ``isolation``   what the master and the processes of isolated FMUs run
 ``reduction``   the reduction of recorded rows
@@ -105,6 +106,7 @@ def _place(folder: str, *names: str) -> tuple[str, ...]:
 
 
 _KERNEL = _place("kernel", "kernel", "elements", "timed")
+_CONTROL = _place("control", "poses", "gains", "isolator", "pointing", "profile", "commander")
 _PYTHON = _place("launcher", "text", "find", "floats", "python", "instance")
 _CALLS = _place("launcher", "native", "launcher", "status")
 _SYSTEM = "paths", "programs", "libraries", "threads", "belongings"
@@ -120,9 +122,18 @@ _PROGRAMS = (
     ),
     Program(
         "numerics",
-        Part((*_place("numerics", "numerics", "sse2", "avx2", "avx512"), *_KERNEL), ("-O3", "-fno-math-errno")),
+        Part(
+            (
+                *_place("numerics", "numerics", "sse2", "avx2", "avx512", "expm"),
+                *_place("mechanism", "equations", "mechanism"),
+                *_place("plant", "plant", "model"),
+                *_CONTROL,
+                *_KERNEL,
+            ),
+            ("-O3", "-fno-math-errno", "-ffp-contract=off"),
+        ),
         Part(libraries=("-lm",)),
-        Part(),
+        Part(flags=("-D__USE_MINGW_ANSI_STDIO=0",)),
         tuple(PLATFORMS),
     ),
     Program(

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import library
-from .calls import KeyedRows, Pair, Progress
 
 Array = NDArray[np.float64]
 Words = ctypes.Array[ctypes.c_uint32]
@@ -55,24 +54,8 @@ def draw_keyed(words: Words, rows: int, half: int) -> Array:
     """Rows of normal numbers, (rows, 2 half), that belong to words.
 
     Of a row, the first half are ``radius cos(angle)``, the others ``radius sin(angle)``, by Box-Muller; the uniform
-    numbers, (rows, 2, half), are those of numpy's Philox from :func:`seed`.
+    numbers, (rows, 2, half), are those of numpy's ``Philox(SeedSequence(words))``.
     """
     normal = np.empty((rows, 2 * half))
     library.find_arithmetic().draw_keyed(words, len(words), rows, half, library.find_address(normal))
     return normal
-
-
-def make_calls(words: Words, half: int, normal: Array, at_once: int) -> list[Pair]:
-    """Rows of normal numbers (n, 2 half), contiguous, as calls that write so many of them each.
-
-    The first belongs to the words, each other one to those of the one before with 1 added to the last: the calls count
-    this up.
-    """
-    n = normal.size // (2 * half)
-    given = KeyedRows(Progress(library.find_address(normal), n, at_once), words, len(words), half)
-    return [(library.find_arithmetic().draw_some_keyed, given)] * -(-n // at_once)
-
-
-def seed(words: Words) -> np.random.SeedSequence:
-    """What numpy makes a Philox generator of, for the uniform numbers of :func:`draw_keyed`."""
-    return np.random.SeedSequence(list(words))

@@ -20,7 +20,6 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 
 WINDOW_FACTOR = 2.5  # correlation times up to which lags are summed: 5 of Sokal's, whose time is half as long
-WHITE_LAGS = 5  # up to which the correlations of white batches may be summed
 LEAST_RUNS = 5  # for a statement on the ensemble without order statistics
 LEAST_BATCHES, MOST_BATCHES = 64, 2048  # of a record, whose means show its slow part
 SEEN_AT = 0.95
@@ -28,7 +27,7 @@ SEEN_AT = 0.95
 come in clusters that are no longer."""
 MARKOV = "Markov's inequality"
 # Allowances, chosen so that bounds of 90 % hold in 87 % of records at least (python tests/support/coverage.py):
-DOUBTED = 0.3
+DOUBTED = 0.2
 """Standard deviations of what batches say that are taken off before they count."""
 HIDDEN = 15.0
 """A slow part of so many stretches may have as much variance again in what is slower still."""
@@ -328,10 +327,10 @@ def effective_samples(values: ArrayLike) -> float:
     return float(np.clip(len(series) / find_correlation(series)[0], 1.0, len(series)))
 
 
-def weigh_record(values: ArrayLike, sizes: ArrayLike, deviations: float = 1.0) -> Worth:
+def weigh_record(values: ArrayLike, sizes: ArrayLike) -> Worth:
     """Return a cautious number of independent samples for the mean of a correlated record ``values`` (n,).
 
-    The correlation time is that of :func:`effective_samples` plus ``deviations`` of its standard deviations.  If a fast
+    The correlation time is that of :func:`effective_samples` plus its standard deviation.  If a fast
     part hides a slow part, sums of correlations end before the slow part counts.  So the record is averaged over 64,
     128, ... 2048 batches, too.  If the means of batches vary more than this correlation time allows, the correlation
     time of the means gives the number.
@@ -346,7 +345,7 @@ def weigh_record(values: ArrayLike, sizes: ArrayLike, deviations: float = 1.0) -
     if not variance > 1e-24 * float(np.abs(series).max()) ** 2:  # constant to rounding
         return Worth(1.0, 1.0)
     tau, doubt = find_correlation(series)
-    first = error = tau * (1.0 + deviations * doubt) / n  # variance of the mean over that of a value
+    first = error = tau * (1.0 + doubt) / n  # variance of the mean over that of a value
     slowest, clipped = float(n), None
     batches = LEAST_BATCHES
     while batches <= min(n // 2, MOST_BATCHES):
@@ -357,7 +356,7 @@ def weigh_record(values: ArrayLike, sizes: ArrayLike, deviations: float = 1.0) -
             if clipped is None:  # bursts would hide what is slow
                 clipped = np.minimum(magnitudes, np.quantile(magnitudes, SEEN_AT))
             own, unsure = find_correlation(_average(clipped, batches))
-            if own > 1.0 + 3.0 * math.sqrt(2.0 * (2.0 * WHITE_LAGS + 1.0) / batches):  # white means: 3 deviations
+            if own > 1.0 + 3.0 * math.sqrt(2.0 * (2.0 * WINDOW_FACTOR + 1.0) / batches):  # white means: 3 deviations
                 error = max(error, share * (1.0 + doubt))
                 slowest = min(slowest, batches / (own * (1.0 + unsure)))
         batches *= 2
@@ -377,7 +376,7 @@ def weigh_share(sizes: ArrayLike, probability: float) -> Worth:
     place = find_rank(len(series), min(probability, SEEN_AT)) - 1
     level = np.partition(series, place)[place]
     inside = series <= level
-    return weigh_record(series < level if inside.all() else inside, series, 0.5)
+    return weigh_record(series < level if inside.all() else inside, series)
 
 
 def _average(series: Array, batches: int) -> Array:

@@ -5,6 +5,7 @@ SI data in, engineering units on the axes.  Passive is orange, active blue throu
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import sys
@@ -20,6 +21,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from ..child_processes import collect_rarely, end_group
 from .page.content import Axis, Chart, ChartGroup, CloudGroup, Curve, Exploration, Spans, Still
 from .report import Picture
 from .style import COLOURS, REFERENCE, draw, engineering, largest, prepare_drawing, pretty, write_powers_plainly
@@ -32,8 +34,6 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-PAINTERS = 2
-"""Processes of a :class:`Painter`: as many as draw faster than one beside a run that ends."""
 MOST_SPANS = 1500
 """Of a curve over the width of a chart; where it has more values it is drawn as the extremes of each span."""
 _DECADES = 30.0  # from the first value of a logarithmic axis to the last: powers of ten are ticks enough
@@ -69,63 +69,76 @@ def _list_stills(explored: Exploration) -> list[tuple[str, str, Callable[[Path],
 
 
 class Painter:
-    """Processes of their own that draw figures while this one does something else.
+    """A process of its own that draws figures while this one does something else.
 
-    They begin by importing matplotlib, which takes 0.5 s.  What they cannot draw, or where they cannot be started, is
-    drawn here.
+    It begins by importing matplotlib, which takes 0.5 s.  What it cannot draw, or where it cannot be started, is drawn
+    here.
     """
 
     def __init__(self) -> None:
         command = [sys.executable, "-I", "-c", f"from {__name__} import draw_what_comes; draw_what_comes()"]
         none = subprocess.DEVNULL
-        self._processes: list[subprocess.Popen[bytes]] = []
+        self._process: subprocess.Popen[bytes] | None = None
         with suppress(OSError):
-            for _ in range(PAINTERS):
-                self._processes.append(subprocess.Popen(command, stdin=subprocess.PIPE, stdout=none, stderr=none))
+            self._process = subprocess.Popen(
+                command, stdin=subprocess.PIPE, stdout=none, stderr=none, start_new_session=True
+            )
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """End the processes."""
-        for process in self._processes:
-            process.kill()
-            process.wait()
+        """End the process, and what it has forked."""
+        if self._process is not None:
+            end_group(self._process.pid)
+            self._process.wait()
 
     def begin(self, explored: Exploration, folder: Path) -> Callable[[], list[Picture]]:
-        """Have the stills of all groups drawn into a folder, by the processes in turn.
+        """Have the stills of all groups drawn into a folder.
 
         What waits until they are drawn, and returns the pictures with their captions; that raises OSError.
         """
-        shown, processes = replace(explored, mechanism=None, cases=None), self._processes
-        if not processes:
+        shown, process = replace(explored, mechanism=None, cases=None), self._process
+        if process is None:
             return partial(draw_exploration, explored, folder)
-        threads = []
-        for place, process in enumerate(processes):
-            asked = str(folder.absolute()), shown, place, len(processes)
-            given = msgspec.msgpack.encode(asked, enc_hook=_write_array)
-            threads.append(Thread(target=process.communicate, args=(given,), daemon=True))  # it may not listen yet
-            threads[-1].start()
+        given = msgspec.msgpack.encode((str(folder.absolute()), shown), enc_hook=_write_array)
+        thread = Thread(target=process.communicate, args=(given,), daemon=True)  # it may not listen yet
+        thread.start()
 
         def wait() -> list[Picture]:
-            for thread in threads:
-                thread.join()
-            for place, process in enumerate(processes):
-                if process.returncode:
-                    draw_exploration(explored, folder, place, len(processes))
+            thread.join()
+            if process.returncode:
+                return draw_exploration(explored, folder)
             return [Picture(folder / file, caption) for file, caption, _ in _list_stills(explored)]
 
         return wait
 
 
 def draw_what_comes() -> None:
-    """Draw what a :class:`Painter` asks for; the program of its processes."""
+    """Draw what a :class:`Painter` asks for, half of it in a fork where there are any; the program of its process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # who has asked for it ends it
-    prepare_drawing().join()
-    if given := sys.stdin.buffer.read():
-        kind = tuple[str, Exploration, int, int]
-        folder, explored, first, stride = msgspec.msgpack.decode(given, type=kind, dec_hook=_read_array)
-        draw_exploration(explored, Path(folder), first, stride)
+    with collect_rarely():
+        prepare_drawing().join()
+        if given := sys.stdin.buffer.read():
+            folder, explored = msgspec.msgpack.decode(given, type=tuple[str, Exploration], dec_hook=_read_array)
+            _draw_in_two(explored, Path(folder))
+
+
+def _draw_in_two(explored: Exploration, folder: Path) -> None:
+    if sys.platform == "win32":
+        draw_exploration(explored, folder)
+        return
+    fork = os.fork()
+    if not fork:
+        code = 1
+        try:
+            draw_exploration(explored, folder, 1, 2)
+            code = 0
+        finally:
+            os._exit(code)
+    draw_exploration(explored, folder, 0, 2)
+    if os.waitpid(fork, 0)[1]:
+        sys.exit(1)
 
 
 def _write_array(value: Any) -> Any:

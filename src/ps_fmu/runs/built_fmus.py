@@ -29,9 +29,12 @@ def list_models(root: Path) -> list[str]:
 
 def find_newest_source(root: Path) -> float:
     """Time of the last change [s since the epoch] among the sources of the FMUs in the checkout ``root``."""
-    files = [path for part in _PACKED for path in (root / part).rglob("*") if "__pycache__" not in path.parts]
-    files.append(root / "src" / "ps_fmu" / "__init__.py")
-    return max((path.stat().st_mtime for path in files if path.is_file()), default=0.0)
+    files = [os.path.join(root, "src", "ps_fmu", "__init__.py")]
+    for part in _PACKED:
+        for folder, inner, names in os.walk(root / part):
+            inner[:] = [name for name in inner if name != "__pycache__"]
+            files += [os.path.join(folder, name) for name in names]
+    return max((os.stat(file).st_mtime for file in files if os.path.isfile(file)), default=0.0)
 
 
 def list_outdated(folder: Path, root: Path) -> list[str]:

@@ -28,8 +28,9 @@ from .keeping import CaseKeeper, SinceStart, leave_no_empty_file
 from .options import RESULTS, RunOptions
 from .origin import format_settings, write_origin
 from .runner import Runner
-from .setup import NOISE, RunSystem, select_stored
-from .stored_rows import make_stored_names, rename_columns
+from .setup import select_stored
+from .stored_rows import make_stored_names, rename_columns, watch_motion
+from .system import NOISE, RunSystem
 
 Array = NDArray[np.float64]
 
@@ -230,17 +231,14 @@ def _make_recorder(
     path = options.output / RESULTS
     if not path.exists():
         write_origin(path, options, system)
-    return Recorder(
-        path,
-        case.name,
-        columns=columns,
-        step=master.step,
-        storage_step=storage_step,
-        select=select,
-        attributes=attributes,
-        append=True,
-        rows=round(duration_s / master.step) + 1,
-    )
+    recorder = Recorder(
+        path, case.name, columns=columns, step=master.step, storage_step=storage_step, select=select,
+        attributes=attributes, append=True, rows=round(duration_s / master.step) + 1,
+    )  # fmt: skip
+    if (motion := watch_motion(recorder.columns)) is not None:
+        system.motions[case.name] = motion
+        recorder.watching.append(motion)
+    return recorder
 
 
 def _list_open(system: RunSystem, master: Master, case: Case) -> Iterator[str]:

@@ -13,14 +13,15 @@ from numpy.typing import NDArray
 
 from ..cosim import Column, CosimError, UsageError, Value
 from ..cosim.recording.delivery import read_rows
-from ..interface.linear_system import MOST_GAIN_DB, Circuit, LinearModelError, Reserve, read_model
+from ..interface.linear_system import MOST_GAIN_DB, Circuit, Reserve
+from ..interface.system_model import LinearModelError, read_model
 from ..mechanism.quantities import Complex, ParameterError
 from ..pointing.response import find_growth
 from ..results.datasets import open_results
 from ..theory.stability import describe_unstable
 from .options import RESULTS, RunOptions
-from .setup import RunSystem
 from .stored_rows import make_stored_names
+from .system import RunSystem
 
 Array = NDArray[np.float64]
 

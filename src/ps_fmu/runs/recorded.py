@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ..cosim import System, UsageError
 from ..cosim.ssp.packing import find_values
 from ..disturbance.recording import HEADER, MAX_ROWS, RecordingSettings, read_columns
-from ..interface.linear_system import PLANT, read_disturbance
+from ..interface.system_model import PLANT, read_disturbance
 from ..mechanism.dynamics import bus_mass, rigid_body_mass
 from ..mechanism.linear_model import Plant
 from ..mechanism.parameters import load

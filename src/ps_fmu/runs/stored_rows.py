@@ -23,10 +23,30 @@ from ..cosim.recording.recorder import STORAGE, TIME_UNITS, UDUNITS
 from ..cosim.recording.thinner import MemoryRecorder, Thinner
 from ..reduction.columns import NETCDF_LOCK
 from ..results.datasets import StoredSignal
+from ..results.observers.bins import MeanObserver
 
 _LONGEST = 240
 """Bytes of a name; netCDF has 256, and some are for numbers that tell equal beginnings apart."""
 _FORBIDDEN = re.compile(r"[/\x00-\x1f\x7f]")
+
+
+MOTION = tuple(
+    f"plant.{quantity}.{part}"
+    for quantity, parts in (
+        ("orientation", ("roll", "pitch", "yaw")),
+        *((name, "xyz") for name in ("base_position", "base_rotation", "payload_position", "payload_rotation")),
+    )
+    for part in parts
+)
+"""What moves the picture of the mechanism in a report."""
+MOTION_BINS = 6000  # instants of that motion, at most: 1 MB in a report with two runs
+
+
+def watch_motion(columns: Sequence[Column]) -> MeanObserver | None:
+    """What averages the motion of base and payload in stored rows; None where not all columns of it are stored."""
+    if not {column.name for column in columns}.issuperset(MOTION):
+        return None
+    return MeanObserver(columns, MOTION, bins=MOTION_BINS // 2)
 
 
 def make_stored_names(names: Sequence[str]) -> dict[str, str]:

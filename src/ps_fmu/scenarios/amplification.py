@@ -7,11 +7,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ..cosim import UsageError, Value
-from ..interface.linear_system import ISOLATOR, SENSORS, SOURCE, Circuit, LinearModelError, SystemModel, read_model
+from ..interface.linear_system import Circuit
+from ..interface.system_model import ISOLATOR, SENSORS, SOURCE, LinearModelError, SystemModel, read_model
 from ..mechanism.quantities import Array, ParameterError
 from ..runs.divergence import describe_loop
 from ..runs.options import RunOptions
-from ..runs.setup import RunSystem
+from ..runs.system import RunSystem
 from ..theory.stability import UnstableError
 from ..theory.transfer_matrices import place_frequencies
 from .comparison import AXES, TARGET, Comparison

@@ -16,6 +16,7 @@ from ..control.commander import Commander
 from ..cosim import UsageError, Value
 from ..cosim.description import index_variables
 from ..cosim.structure import parse_port
+from ..mechanism.inverse_kinematics import inverse_kinematics, reachable
 from ..mechanism.parameters import load
 from ..mechanism.quantities import take_values
 from ..mechanism.rotations import from_rotation_matrix, multiply, rotation_matrix
@@ -28,7 +29,7 @@ from ..runs.judge import USUAL_LEVEL, RunJudge
 from ..runs.options import RunOptions
 from ..runs.publish import Findings
 from ..runs.scenario import ORIGINAL, list_needs
-from ..runs.setup import NOISE, RECORDING_PATH, RunSystem, has_disturbance
+from ..runs.system import NOISE, RECORDING_PATH, RunSystem, has_disturbance
 from .jitter_record import JITTER_SIGNALS, JitterRecord
 from .jitter_record import NEEDS as RECORDED
 
@@ -186,8 +187,8 @@ def aim_tracker(system: RunSystem, target: Orientation) -> dict[str, Value]:
     if all(system.get_start(name) == value for name, value in attitude.items()):
         return {}
     own = {name: entry.value for name, entry in system.structure.component("commander").parameters.items()}
-    refused = take_values(Commander.from_parameters(load()), own).refusal(np.array(target))
-    return {} if refused else attitude
+    geometry = take_values(Commander.from_parameters(load()), own).geometry
+    return attitude if bool(reachable(geometry, inverse_kinematics(geometry, np.array(target)))) else {}
 
 
 def find_attitude(system: RunSystem, target: Orientation) -> tuple[float, float, float, float]:

@@ -5,19 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..cosim import Column
-from ..cosim.recording.delivery import read_rows
-from ..mechanism.inverse_kinematics import trilaterate
+from ..mechanism.inverse_kinematics import inverse_kinematics
 from ..mechanism.kinematics import Geometry
-from ..mechanism.rotations import rotation_matrix
 from ..pointing.spectra import cumulative_rms, log_bands
-from ..results.datasets import open_results
-from ..results.observers.bins import Envelope, MeanObserver, Means
+from ..results.observers.bins import Envelope, Means
 from ..results.observers.scatter import Scatter
 from ..results.page.content import (
     Axis,
@@ -35,7 +30,8 @@ from ..results.page.content import (
 from ..results.style import engineering
 from ..results.tables import format_angles
 from ..runs.cases import Outcome
-from ..runs.setup import RunSystem
+from ..runs.stored_rows import MOTION, watch_motion
+from ..runs.system import RunSystem
 from .comparison import CASES, Comparison
 from .jitter_record import ORIENTATION, ROTATION
 
@@ -46,9 +42,6 @@ BASE_POSITION, BASE_ROTATION, PAYLOAD_POSITION = (
     tuple(f"plant.{quantity}.{axis}" for axis in "xyz")
     for quantity in ("base_position", "base_rotation", "payload_position")
 )
-MOTION = (*ORIENTATION, *BASE_POSITION, *BASE_ROTATION, *PAYLOAD_POSITION, *ROTATION)
-MOTION_BINS = 6000  # instants of the motion that is played, at most: 1 MB in a report with two runs
-READ_ROWS = 100_000  # of results.nc at a time: 12 MB
 NOMINAL_POSITION = tuple(f"plant.nominal_translation.{axis}" for axis in "xyz")
 JOINTS = tuple(
     f"plant.{kind}_leg_{k}.{joint}.{axis}"
@@ -64,17 +57,16 @@ _AVERAGED = f"a {BANDS_PER_DECADE}th of a decade"
 MOST_ROWS = 2**19  # of a settled part: 12 MB a case; what is before is left out
 
 
-def explore_comparisons(comparisons: Mapping[str, Comparison], system: RunSystem, results: Path) -> Exploration:
+def explore_comparisons(comparisons: Mapping[str, Comparison], system: RunSystem, _results: Path) -> Exploration:
     """Jitter over time, spectra and image points of orientations, passive and active; the mechanism of the first.
 
-    The comparisons are stored in the file ``results``; their keys begin the names of their PNG files.  Raises
-    ``OSError`` if that cannot be read.
+    The keys of the comparisons begin the names of their PNG files.
     """
     parts = [_chart_comparison(comparison, prefix) for prefix, comparison in comparisons.items()]
     outcomes = next(iter(comparisons.values())).outcomes
     runs = [(name, outcome.case.name) for name, outcome in zip(CASES, outcomes, strict=True)]
     charts = [group for groups, _ in parts for group in groups]
-    return Exploration(charts, [clouds for _, clouds in parts], show_mechanism(system, results, runs))
+    return Exploration(charts, [clouds for _, clouds in parts], show_mechanism(system, runs))
 
 
 def _chart_comparison(comparison: Comparison, prefix: str) -> tuple[list[ChartGroup], CloudGroup]:
@@ -239,17 +231,16 @@ def chart_settled(
     return [chart_spectra(f"Spectra of the settled part: {what}", caption, names, frequency, spectra)]
 
 
-def show_mechanism(system: RunSystem, results: Path, runs: Sequence[tuple[str, str]]) -> Mechanism | None:
-    """The mechanism of the plant with the motions of some ``runs``: what the report calls them, group in ``results``.
+def show_mechanism(system: RunSystem, runs: Sequence[tuple[str, str]]) -> Mechanism | None:
+    """The mechanism of the plant with the motions of some ``runs``: what the report calls them, name of the case.
 
     None for another plant, which has not all the joints as parameters and all the motions as outputs, and where not
-    all the motions are stored.  Raises ``OSError`` if the file cannot be read.
+    all the motions are stored.
     """
     known = {f"plant.{variable.name}" for variable in system.descriptions["plant"].modelVariables}
     if not {*MOTION, *JOINTS, *NOMINAL_POSITION} <= known:
         return None
-    with open_results(results) as file:
-        motions = [(label, motion) for label, group in runs if (motion := read_motion(file[group]))]
+    motions = [(label, motion) for label, case in runs if (motion := read_motion(system, case))]
     if len(motions) < len(runs):
         return None
     geometry = read_geometry(system)
@@ -279,21 +270,17 @@ def read_geometry(system: RunSystem) -> Geometry:
     )
 
 
-def read_motion(stored: Any) -> Means | None:
-    """Mean motion of base and payload in at most :data:`MOTION_BINS` bins, from the group of a run in results.nc.
+def read_motion(system: RunSystem, case: str) -> Means | None:
+    """Mean motion of base and payload in the stored rows of a run; None where not all columns of it are stored.
 
-    From the file, which has them filtered to its storage step, and not from each step of the run: observing 15 columns
-    costs 0.7 us a step.  None where not all of them are stored.
+    Of the stored rows, which are filtered to the storage step, and not of each step: 15 columns cost 0.7 us a step.
     """
-    if not set(MOTION) <= stored.variables.keys():
-        return None
-    columns = [Column(name, stored[name].units, "Real", "") for name in MOTION]
-    observer = MeanObserver(columns, MOTION, bins=MOTION_BINS // 2)
-    count = len(stored["time"])
-    for first in range(0, count, READ_ROWS):
-        time, *rows = (read_rows(stored[name], first, min(first + READ_ROWS, count)) for name in ("time", *MOTION))
-        observer.block(first, time, np.column_stack(rows))
-    return observer.result()
+    observer = system.motions.get(case)
+    if system.kept is not None:
+        rows = system.kept[case].rows
+        if (observer := watch_motion(rows.columns)) is not None:
+            observer.block(0, rows.time, rows.values)
+    return None if observer is None else observer.result()
 
 
 def _make_motion(case: str, kept: Means, geometry: Geometry) -> Motion:
@@ -307,7 +294,7 @@ def _make_motion(case: str, kept: Means, geometry: Geometry) -> Motion:
         base_rotation=kept.of(BASE_ROTATION),
         payload_position=kept.of(PAYLOAD_POSITION),
         payload_rotation=kept.of(ROTATION),
-        nominal_position=trilaterate(geometry, rotation_matrix(orientation)).translation_B,
+        nominal_position=inverse_kinematics(geometry, orientation).translation_B,
         nominal_orientation=orientation,
     )
 

@@ -12,7 +12,7 @@ import numpy as np
 from ..results.observers.bins import Envelope
 from ..results.page.content import Axis, Chart, ChartGroup, Curve, Exploration, Spans, Still
 from ..results.tables import Table
-from ..runs.setup import RunSystem
+from ..runs.system import RunSystem
 from ..sensors.line_of_sight import Tracker
 from ..theory.line_of_sight import (
     AXES,
@@ -220,14 +220,11 @@ def _list_margins(margins: AxisMargins) -> dict[str, float]:
     return {key: getattr(margins, key) for key, _, _ in MARGINS}
 
 
-def explore_pointing(pointing: Pointing, shaded: Sequence[Spans], system: RunSystem, results: Path) -> Exploration:
-    """Error over time, loop transfer and split; the mechanism as stored in the file ``results``.
-
-    Raises ``OSError`` if that cannot be read.
-    """
+def explore_pointing(pointing: Pointing, shaded: Sequence[Spans], system: RunSystem, _results: Path) -> Exploration:
+    """Error over time, loop transfer and split; the mechanism with the motions of the stored rows."""
     runs = [(case, name) for (case, _), name in zip(SHOWN, CASES, strict=True)]
     charts = [_chart_error(pointing, shaded), *_chart_settled(pointing), _chart_loop(pointing), _chart_split(pointing)]
-    return Exploration(charts, mechanism=show_mechanism(system, results, runs))
+    return Exploration(charts, mechanism=show_mechanism(system, runs))
 
 
 def _chart_error(pointing: Pointing, shaded: Sequence[Spans]) -> ChartGroup:

@@ -24,7 +24,7 @@ from ..runs.cases import Case, run_case
 from ..runs.options import OptionError
 from ..runs.publish import Findings
 from ..runs.run import Run
-from ..runs.setup import RunSystem
+from ..runs.system import RunSystem
 from .comparison import DRIVEN, ENABLED, TARGET, describe_alone, explain_refusal, read_target
 from .exploration import (
     FEWEST_ROWS,
@@ -163,7 +163,7 @@ def explore_slews(slews: Slews, shaded: Sequence[Spans], system: RunSystem, resu
     )  # fmt: skip
     settled = _chart_settled(slews, results)
     runs = [(label, name) for (label, _), name in zip(SHOWN, CASES, strict=True)]
-    return Exploration([group, *settled], mechanism=show_mechanism(system, results, runs))
+    return Exploration([group, *settled], mechanism=show_mechanism(system, runs))
 
 
 def _chart(off: Envelope, on: Envelope, **more: Any) -> list[Chart]:

@@ -19,7 +19,7 @@ figures of the data sheet of Safran's STIM300 (rev. 9).
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator
+import ctypes
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -28,9 +28,9 @@ from numpy.typing import NDArray
 
 from ..mechanism.quantities import Array, Checked, ParameterError, group, quantity
 from ..numerics import library
-from ..numerics.calls import Calls, ErrorRoom, count, finish
+from ..numerics.library import find_address
 from ..numerics.normal import Stream, make_key
-from .errors import WHITE_BLOCK, SensorNoise, draw_normal, make_calls, split, wrap
+from .errors import SensorNoise, draw_normal, wrap
 from .parameters import Accelerometer, AccelerometerKind, OneSensor, RateSensor, RateSensorKind, SensorKind
 
 #: Largest condition number of the geometry, lengths over the mean lever arm; beyond it noise is magnified as much.
@@ -91,8 +91,7 @@ CHANNELS = ACCELEROMETERS + RateSensor.AXES
 ESTIMATES = 9  # acceleration, angular acceleration, angular velocity
 MOTION = 9  # inputs in the same order
 N_STATES = 2 * CHANNELS
-_BLOCKS_AT_ONCE = 1  # of noise: 20 us, twice that where the memory of their rows is new
-_SPARSE = 4  # samples apart: then blocks are drawn that few of, or none, are needed
+_KEPT_INTERVALS = 4  # between samples, for hosts whose steps alternate
 LAST_SAMPLE = 1e13  # thirty years at 10 kHz: the noise stands still from there on
 _SLOTS = slice(0, ACCELEROMETERS)
 _RATES = slice(ACCELEROMETERS, CHANNELS)
@@ -175,27 +174,46 @@ class InertialSensors(Checked):
         """Step of the quantised readings, (CHANNELS,); 0: none."""
         return self._of_kind("resolution")
 
-    def make_noise(self, interval: float) -> ChannelNoise:
-        """Bias and noise of the channels at samples so far apart, s."""
-        return ChannelNoise(self, interval)
+    def make_errors(self, interval: float, intervals: int = 1) -> tuple[SensorNoise, SensorNoise]:
+        """Noise of accelerometers, up to the last that is enabled, and of rate sensors: of none if they are off.
 
-    def motion_map(self, h: float) -> tuple[Array, Array, Array]:
-        """The low-passes over a step of ``h``, s: x(t + h) = Ad x + B_motion u + B_products p, read by x[:CHANNELS].
-
-        Returns Ad (N_STATES, N_STATES), B_motion (N_STATES, 9), B_products (N_STATES, 6).  x = [outputs; their rates].
+        ``interval``: between samples, s; ``intervals``: see :class:`.errors.SensorNoise`.
         """
-        Ad, B = np.zeros((N_STATES, N_STATES)), np.zeros((N_STATES, CHANNELS))
-        for part, kind in ((_SLOTS, self.accelerometer), (_RATES, self.rate_sensor)):
-            own, drive = kind.lowpass.discretise(h)
-            for i in range(2):
-                rows = np.arange(part.start, part.stop) + i * CHANNELS
-                for j in range(2):
-                    Ad[rows, np.arange(part.start, part.stop) + j * CHANNELS] = own[i, j]
-                B[rows, np.arange(part.start, part.stop)] = drive[i]
-        off = np.flatnonzero(~self.enabled)
-        Ad[off], Ad[off + CHANNELS] = 0.0, 0.0
-        rows_motion, rows_products = self.reading_rows
-        return Ad, B @ rows_motion, B @ rows_products
+        on = np.flatnonzero(self.enabled[_SLOTS])
+        slots, rates = int(on[-1]) + 1 if on.size else 0, RateSensor.AXES if self.rate_sensor.enabled else 0
+        return (
+            SensorNoise(self.accelerometer.noise, slots, interval, self.seed, _LINEAR_NOISE, intervals),
+            SensorNoise(self.rate_sensor.noise, rates, interval, self.seed, _RATE_NOISE, intervals),
+        )
+
+    def compute_errors(self, interval: float, index: NDArray[np.int64]) -> Array:
+        """Bias and noise of all channels at samples of these numbers (n,), 0 or greater, (n, CHANNELS)."""
+        errors = np.zeros((len(index), CHANNELS))
+        for first, noise in zip((0, ACCELEROMETERS), self.make_errors(interval), strict=True):
+            found = noise(index)
+            errors[:, first : first + found.shape[1]] = found
+        return np.asarray((errors + self.bias) * self.enabled)
+
+    def describe(self) -> library.InertialSensors:
+        """The sensors for the element of a step (``instruments.h``), which still needs places in a buffer."""
+        on, names = np.flatnonzero(self.enabled), (ctypes.c_char_p * CHANNELS)()
+        names[:] = [
+            *(f"channel_{k + 1}".encode() for k in range(ACCELEROMETERS)),
+            *(f"rate_channel_{k + 1}".encode() for k in range(RateSensor.AXES)),
+        ]
+        rows, products = (np.ascontiguousarray(rows) for rows in self.reading_rows)
+        errors = self.make_errors(1.0, 1 if self.sample_time else _KEPT_INTERVALS)
+        kinds = self.accelerometer, self.rate_sensor
+        arrays = {"rows": rows, "products": products, "gain": self.gain, "bias": self.bias, "range": self.ranges}
+        words = library.InertialSensors(sample_time=self.sample_time, last_sample=LAST_SAMPLE, n_enabled=on.size)
+        words.enabled, words.names = on.ctypes.data, ctypes.addressof(names)
+        for name, array in arrays.items():
+            setattr(words, name, find_address(array))
+        words.ranges[:] = [kind.range for kind in kinds]
+        words.lowpass[:] = [library.Lowpass(kind.bandwidth, kind.order) for kind in kinds]
+        words.errors[:] = [noise.words for noise in errors]
+        words.kept = on, names, arrays, errors
+        return words
 
     @property
     def _all(self) -> tuple[OneSensor, ...]:
@@ -224,62 +242,6 @@ class InertialSensors(Checked):
         """The part of a constant error that is drawn, (CHANNELS,); ``number`` tells the errors apart."""
         key = make_key(Stream.SENSOR_SPREAD, *wrap((self.seed, number)))
         return np.asarray(self._of_kind(name) * draw_normal(key, 1, CHANNELS)[0])
-
-
-class ChannelNoise:
-    """Bias and noise of all channels, a function of the number of the sample."""
-
-    def __init__(self, sensors: InertialSensors, interval: float) -> None:
-        self.interval = interval
-        on = np.flatnonzero(sensors.enabled[_SLOTS])
-        slots = int(on[-1]) + 1 if on.size else 0  # none is drawn for those behind the last that is enabled
-        self._noises = [(0, SensorNoise(sensors.accelerometer.noise, slots, interval, sensors.seed, _LINEAR_NOISE))]
-        """Each with its first column."""
-        if sensors.rate_sensor.enabled:
-            rates = SensorNoise(sensors.rate_sensor.noise, RateSensor.AXES, interval, sensors.seed, _RATE_NOISE)
-            self._noises.append((ACCELEROMETERS, rates))
-        enabled = sensors.enabled.astype(np.float64)
-        self._bias = sensors.bias if sensors.bias.any() else None
-        self._gain = None if enabled[:slots].all() else enabled
-        """0 in gaps; None: there are none."""
-        self._rows = np.zeros((_BLOCKS_AT_ONCE * WHITE_BLOCK, CHANNELS))
-        """Room for blocks of errors, without biases."""
-        self._room = ErrorRoom(library.find_address(self._rows))
-
-    def __call__(self, index: NDArray[np.int64]) -> Array:
-        """Errors of the samples of these numbers (n,), 0 or greater and ascending, (n, CHANNELS), m/s2 and rad/s."""
-        return finish(self.in_parts(index))
-
-    def in_parts(self, index: NDArray[np.int64]) -> Generator[int | Calls, None, Array]:
-        """As :meth:`__call__`, in parts of 20 to 60 us; yields about how many are still to come, or calls."""
-        index, errors = np.ascontiguousarray(index, dtype=np.int64), np.empty((len(index), CHANNELS))
-        for first, last in self._find_stretches(index):
-            own = index[first:last]
-            block = int(own[0]) // WHITE_BLOCK
-            n = int(own[-1]) // WHITE_BLOCK + 1 - block
-            left = [noise.count_parts(block, n) for _, noise in self._noises]
-            kinds = []
-            for column, noise in self._noises:
-                kinds.append((yield from count(noise.find_kind(block, n, column), sum(left) + n // _BLOCKS_AT_ONCE)))
-                del left[0]
-            parts = make_calls(self._room, kinds, own, errors[first:last], self._bias, self._gain, _BLOCKS_AT_ONCE)
-            yield from Calls(parts, self, own, errors)
-        return errors
-
-    @staticmethod
-    def _find_stretches(index: NDArray[np.int64]) -> Iterator[tuple[int, int]]:
-        """Stretches of samples; one, unless these are so far apart that few of a block are needed."""
-        if not len(index):
-            return
-        if index[-1] - index[0] <= _SPARSE * len(index):
-            yield 0, len(index)
-            return
-        for _, part in split(index, WHITE_BLOCK):
-            yield part.start, part.stop
-
-    def find_samples(self, elapsed: Array) -> NDArray[np.int64]:
-        """Numbers of the last samples at times since the start (n,), s; from :data:`LAST_SAMPLE` on, that one."""
-        return np.floor(np.clip(elapsed / self.interval + 1e-6, 0.0, LAST_SAMPLE)).astype(np.int64)
 
 
 TRIADS = 3

@@ -15,23 +15,17 @@ Noise is white from sample to sample and independent of axis: a function of the 
 
 from __future__ import annotations
 
-from collections.abc import Generator
 from dataclasses import dataclass
-from enum import Enum
-from functools import cached_property, reduce
-from math import isnan, nan
-from operator import add, mul
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..mechanism.quantities import Array, Checked, ParameterError, quantity
-from ..numerics.calls import count, finish
-from ..numerics.normal import Stream, make_key
-from .errors import seed_in_parts, split, wrap
-
-_BLOCK = 128  # samples that are drawn at once
-_PARTS = 4  # in which that is done
+from ..numerics import library
+from ..numerics.library import find_address
+from ..numerics.normal import Stream, Words, make_key, make_words
+from .errors import wrap
 
 #: Pairs (component of q_P, component of q_T) whose products make the four components of q.
 PAIRS = tuple((i, j) for i in range(4) for j in range(4))
@@ -55,7 +49,6 @@ def relative_rows() -> Array:
 
 
 _RELATIVE_ROWS = relative_rows()
-_RELATIVE_LISTS: list[list[float]] = _RELATIVE_ROWS.tolist()
 
 
 def error_rows() -> Array:
@@ -77,29 +70,6 @@ def _second_products(payload: Array, target: Array) -> Array:
     (i, j), (k, m) = _PLACES, _SECOND_PLACES
     q = (payload[..., i] * target[..., j]) @ _RELATIVE_ROWS.T
     return np.asarray(q[..., k] * q[..., m])
-
-
-def _multiply(rows: list[list[float]], column: list[float]) -> list[float]:
-    """The product of a matrix, by rows, and a column."""
-    # Not sum(): from Python 3.12 on it adds in another way, and other bits come out.
-    return [reduce(add, map(mul, row, column), 0.0) for row in rows]
-
-
-def _find_largest(place: Array) -> float:
-    """The largest absolute value of a few numbers; nan if one is: in a step, what numpy needs is in no cache."""
-    sizes = [abs(value) for value in place.tolist()]
-    return nan if any(map(isnan, sizes)) else max(sizes)
-
-
-class Lock(Enum):
-    """State of the tracker; the value is what the FMU keeps."""
-
-    SEARCHING = 0.0
-    """The target is not where it could be acquired."""
-    ACQUIRING = 1.0
-    """The target is in the acquisition field, for less than the acquisition time."""
-    LOCKED = 2.0
-    """The target is measured."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,100 +127,30 @@ class Tracker(Checked):
         rows[6, 5:9], rows[6, 13] = 1.0 / _LARGEST_SCALE_ERROR, -1.0 / _LARGEST_SCALE_ERROR
         return rows
 
-    @cached_property
-    def _place_lists(self) -> list[list[float]]:
-        """Of :attr:`rows`, those of the place."""
-        return [row.tolist() for row in self.rows[3:]]
-
-    def look(self, payload: Array, target: Array, turned: Array) -> Array:
-        """The place (4,) of a target, see :meth:`rows`.
-
-        ``payload`` and ``target``: quaternions (4,); ``turned``: line_of_sight and payload_rotation, x and y of each,
-        (4,), rad.
-        """
-        # Numbers, not arrays: an event comes between steps, and what numpy needs for this is in no cache then.
-        p, t = payload.tolist(), target.tolist()
-        q = _multiply(_RELATIVE_LISTS, [p[i] * t[j] for i, j in PAIRS])
-        sources = [q[i] * q[j] for i, j in SECOND_PAIRS]
-        return np.array(_multiply(self._place_lists, [*sources, *turned.tolist(), 1.0]))
-
-    def judge(self, lock: Lock, place: Array, visible: bool, elapsed: float) -> Lock:
-        """The next state.
-
-        Parameters
-        ----------
-        place: (4,) of the target, see :meth:`rows`.
-        visible: nothing hides the target.
-        elapsed: time in the state ACQUIRING, s.
-        """
-        largest = _find_largest(place)
-        if not visible or largest > 1.0:
-            return Lock.SEARCHING
-        if lock is Lock.LOCKED:
-            return lock
-        if largest > self.acquisition_share:
-            return Lock.SEARCHING
-        return Lock.LOCKED if lock is Lock.ACQUIRING and elapsed >= self.acquisition_time else Lock.ACQUIRING
-
-    def watch(self, lock: Lock, place: Array, visible: bool) -> tuple[Array, float]:
-        """Centre (4,) and distance beyond which a change of ``place`` can change the state; see :meth:`judge`."""
-        if lock is Lock.LOCKED:
-            return np.zeros(4), 1.0
-        if lock is Lock.ACQUIRING:
-            return np.zeros(4), self.acquisition_share
-        if not visible:
-            return place, 1e30
-        # The component that is farthest outside has to come back by so much at least.
-        return place, max(_find_largest(place) - self.acquisition_share, 0.0)
-
-    def sample_numbers(self, time: Array) -> NDArray[np.int64]:
-        """Number of the last sample before times (n,), s since the start; before the first one: 0."""
-        return np.maximum(np.ceil(time / self.sample_time - 1e-6) - 1.0, 0.0).astype(np.int64)
-
     def noise(self, numbers: NDArray[np.int64]) -> Array:
-        """Noise (n, 3), rad, of ascending sample numbers (n,)."""
-        return TrackerNoise(self)(numbers)
+        """Noise (n, 3), rad, of sample numbers (n,), 0 or greater."""
+        found, words = np.empty((len(numbers), 3)), self._make_words()
+        draw = library.find_arithmetic().find_tracker_noise
+        for row, number in zip(found, np.asarray(numbers).tolist(), strict=True):
+            draw(words, len(words), number, find_address(row))
+        return np.asarray(found * (self.noise_equivalent_angle_P * self._measured))
 
-
-class TrackerNoise:
-    """Noise of a tracker's samples, which keeps what it drew last."""
-
-    def __init__(self, tracker: Tracker) -> None:
-        self._seed, self._deviation_P = tracker.seed, tracker.noise_equivalent_angle_P * [1, 1, tracker.roll_measured]
-        self._last: tuple[int, Array] = -1, np.empty((0, 3))
-        """Number of a block of samples, and their noise."""
-
-    def __call__(self, numbers: NDArray[np.int64]) -> Array:
-        """Noise (n, 3), rad, of ascending sample numbers (n,)."""
-        return finish(self.in_parts(numbers))
-
-    def in_parts(self, numbers: NDArray[np.int64]) -> Generator[int, None, Array]:
-        """As :meth:`__call__`, in parts of 20 to 60 us; yields how many are still to come."""
-        if not self._deviation_P.any():
-            return np.zeros((len(numbers), 3))
-        found, blocks = np.empty((len(numbers), 3)), split(numbers, _BLOCK)
-        yield len(blocks) * _PARTS
-        for number, (block, part) in enumerate(blocks, 1):
-            left = (len(blocks) - number) * _PARTS
-            known, noise = self._last
-            if known != block:
-                random = yield from count(seed_in_parts(self._make_key(block)), left + 3)
-                noise = self._draw(random)
-                self._last = block, noise
-                yield left + 1
-            noise.take(numbers[part] - block * _BLOCK, axis=0, out=found[part], mode="clip")
-            if left:
-                yield left
+    def describe(self) -> library.Tracker:
+        """The tracker for the element of a step (``instruments.h``), which still needs places in a buffer."""
+        deviation, words = self.noise_equivalent_angle_P * self._measured, self._make_words()
+        found = library.Tracker(sample=library.NONE, noisy=bool(deviation.any()), n_words=len(words))
+        found.acquisition_share, found.acquisition_time = self.acquisition_share, self.acquisition_time
+        found.sample_time, found.deviation[:], found.measured[:] = self.sample_time, deviation, self._measured
+        found.words[: len(words)] = words
         return found
 
-    def _make_key(self, block: int) -> tuple[int, ...]:
-        return make_key(Stream.TRACKER, *wrap((self._seed, block)))
+    @property
+    def _measured(self) -> tuple[int, int, int]:
+        return 1, 1, int(self.roll_measured)
 
-    def _draw(self, random: np.random.Generator) -> Array:
-        """A block of samples, (_BLOCK, 3)."""
-        u, v = random.random((2, _BLOCK, 3))
-        # Box-Muller, since the streams of numpy's own normal numbers may change between its versions.
-        return np.asarray(np.sqrt(-2.0 * np.log1p(-u)) * np.cos(2.0 * np.pi * v) * self._deviation_P)
+    def _make_words(self) -> Words:
+        """Of the random numbers; the block of samples is the last of them."""
+        return make_words(make_key(Stream.TRACKER, *wrap((self.seed, 0))))
 
 
 #: A fine guidance sensor on a bright star, or a beacon tracker of an optical terminal: half a microradian at

@@ -27,6 +27,14 @@ class SensorLowpass:
     order: int
     """1 or 2."""
 
+    @property
+    def matrices(self) -> tuple[Array, Array]:
+        """A (2, 2) and b (2,); without bandwidth zeros."""
+        omega = 2.0 * np.pi * self.bandwidth
+        if self.order == 1 or not omega:
+            return np.diag([-omega, 0.0]), np.array([omega, 0.0])
+        return omega * np.array([[0.0, 1.0], [-1.0, -2.0 * DAMPING]]), np.array([0.0, omega])
+
     def discretise(self, h: float) -> tuple[Array, Array]:
         """(2, 2) and (2,): ``x(t + h) = Ad x(t) + bd u`` with u held over a step of ``h``, s.
 

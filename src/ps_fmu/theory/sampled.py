@@ -27,21 +27,23 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..actuators.voice_coil import Coils, discretise
 from ..control.feedforward import Controller
 from ..mechanism.dynamics import Dynamics
 from ..mechanism.linear_model import PlantModel
 from ..mechanism.quantities import Array, Complex, ParameterError
 from ..mechanism.signals import ADDED, N_LOADS, N_OUTPUTS, OUTPUTS, output_slices
 from ..pointing.modal import StateSpace, solve_at
-from ..sensors.inertial import ACCELEROMETERS, InertialSensors
 from .loop import Loop
 from .transfer_matrices import Practical
+
+if TYPE_CHECKING:
+    from ..actuators.voice_coil import Coils
+    from ..sensors.inertial import InertialSensors
 
 FORCES = tuple(f"fine_force_{i}" for i in (1, 2, 3))  # N
 WRENCH = tuple(f"base_{kind}.{axis}" for kind in ("force", "torque") for axis in "xyz")  # N, N.m; B at its origin
@@ -111,6 +113,8 @@ def make_sensors_block(sensors: InertialSensors, h: float) -> Block:
     The inputs ``noise_1`` ... are errors of the accelerometers' samples, m/s2.  Rate sensors are left out: an isolator
     does not use them.
     """
+    from ..sensors.inertial import ACCELEROMETERS  # most systems have no sensors
+
     Ad, bd = sensors.accelerometer.lowpass.discretise(h)
     estimator = sensors.estimator[:6, :ACCELEROMETERS]
     motion, _ = sensors.reading_rows
@@ -131,6 +135,8 @@ def make_coils_block(coils: Coils, h: float) -> Block:
 
     The inputs ``noise_1`` ... are errors of the demanded currents, A.
     """
+    from ..actuators.voice_coil import discretise  # most systems have no coils
+
     coil, loop, one = coils.coil, discretise(coils.coil, coils.driver, h), np.eye(3)
     constant = float(coil.compute_constant(np.zeros(1))[0])
     demand = loop.response * loop.gain

@@ -10,7 +10,8 @@ import numpy as np
 from ..analyses.result import AnalysisResult, tabulate
 from ..analyses.system import load_own_systems
 from ..analyses.table import AnalysisOptions
-from ..interface.linear_system import ISOLATOR, LOOPS, Circuit, read_model
+from ..interface.linear_system import LOOPS, Circuit
+from ..interface.system_model import ISOLATOR, read_model
 from ..mechanism.quantities import Complex
 from ..results.tables import Table
 from ..theory.line_of_sight import AXES, AxisMargins, cut_axis, margins_of

@@ -35,6 +35,8 @@ from .warm_start import WarmStart
 
 log = logging.getLogger("ps_fmu.cosim")
 
+_ADVICE = "Resume with the options of that run, or start the run again."
+
 LEAST = 0.25
 """Part of the share that is for checkpoints in any case, where the rows in journals take more than the rest."""
 LOOK_S = 0.1
@@ -194,9 +196,8 @@ class Checkpoints:
         if _list_events(schedule[: len(past)]) != past or (left and left[0][0] < self._index):
             assert self._found is not None
             raise CheckpointError(
-                f"{self._found[0]}: is of another run, which cannot go on here: until t = "
-                f"{self._parts.clock.time(self._index):.9g} s it has had other events.  Resume with what it was begun "
-                "with, or begin anew"
+                f"{self._found[0]}: belongs to another run: the events until t = "
+                f"{self._parts.clock.time(self._index):.9g} s differ.\n  {_ADVICE}"
             )
         return left
 
@@ -273,26 +274,25 @@ class Checkpoints:
                 list_starts(parts.wiring), kept["run"]["starts"]
             ):
                 raise CheckpointError(
-                    f"{path}: is of another run, which cannot go on here: {difference}.  Resume with what it was begun "
-                    "with, or begin anew"
+                    f"{path}: belongs to another run: {difference}.\n  {_ADVICE}"
                 )
             index, began = int(kept["index"]), int(kept["began"])
             if index > began + self._steps:
                 raise CheckpointError(
-                    f"{path}: is at t = {parts.clock.time(index):.9g} s, after the end of this run, "
-                    f"{parts.clock.time(began + self._steps):.9g} s: expected a duration that is not shorter"
+                    f"{path}: lies at t = {parts.clock.time(index):.9g} s, after the end of this run, "
+                    f"{parts.clock.time(began + self._steps):.9g} s: expected a longer duration"
                 )
             if index != int(kept["first"]) + len(kept["rows"]) - 1 or not 0 <= began <= index:
-                raise ValueError("its rows do not end where it is")
+                raise ValueError("its rows end at another step")
             self._restore_observers(kept["observers"])
             load_rows(parts, kept)
             for name in parts.instances:  # behind the values that faults set in them anew
                 load_fmu(parts, name, kept["fmus"][name])
             if not isinstance(kept["events"], list):
-                raise ValueError("its events are no list")
+                raise ValueError("its events are not a list")
             self._past = kept["events"]
         except (KeyError, ValueError, TypeError, AttributeError, IndexError, OverflowError) as error:
-            raise DamagedCheckpointError(path, f"is a damaged checkpoint: {error!r}") from error
+            raise DamagedCheckpointError(path, f"is damaged: {error!r}") from error
         assert self._folder is not None
         for newer in self._folder.list_files():
             if newer == path:
@@ -305,16 +305,14 @@ class Checkpoints:
         names = [name_observer(observer) for observer in self._observers]
         if names != [one["name"] for one in kept]:
             there = ", ".join(str(one["name"]) for one in kept)
-            raise CheckpointError(
-                f"the checkpoint is of a run with other observers: {there} there, {', '.join(names)} here"
-            )
+            raise CheckpointError(f"the observers are {there} in the checkpoint and {', '.join(names)} in this run")
         self._open_journals([one["journal"] for one in kept])
         for observer, one in zip(self._observers, kept, strict=True):
             assert isinstance(observer, Stateful)
             try:
                 observer.load_state(one["state"])
             except (KeyError, ValueError, TypeError) as error:
-                text = f"the state of the observer {one['name']} in the checkpoint does not fit: {error!r}"
+                text = f"the state of the observer {one['name']} in the checkpoint cannot be used: {error!r}"
                 raise CheckpointError(text) from error
 
     def _open_journals(self, kept: Sequence[Mapping[str, State] | None]) -> None:
@@ -345,5 +343,6 @@ def _find_start(own: Mapping[str, State], kept: Mapping[str, State]) -> str | No
     """The first start value that is another one."""
     for name in sorted({*own, *kept}):
         if own.get(name) != kept.get(name):
-            return f"another start value of {name}: {kept.get(name)!r} there, {own.get(name)!r} here"
+            there, here = kept.get(name), own.get(name)
+            return f"the start value of {name} is {there!r} in the checkpoint and {here!r} in this run"
     return None

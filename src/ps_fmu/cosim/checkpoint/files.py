@@ -71,20 +71,20 @@ def write_file(path: Path, tree: Mapping[str, State]) -> None:
 def read_file(path: Path) -> dict[str, State]:
     """The state in a checkpoint.  Raises :class:`CheckpointError` for a file that is none, or is damaged."""
     if path.exists() and not path.is_file():  # a pipe may never end
-        raise CheckpointError(f"{path}: is no file but a folder, pipe or device")
+        raise CheckpointError(f"{path}: is a folder, pipe or device: expected the file of a checkpoint")
     try:
         head, _, content = path.read_bytes().partition(b"\n")
         size = int(head.split(b" ")[-2] if head.count(b" ") > 1 else 0)
         if head + b"\n" != _HEAD % (size, zlib.crc32(content)) or not 0 <= size <= len(content):
-            raise ValueError("its format is another one, or its checksum does not fit")
+            raise ValueError("its format or its checksum is wrong")
         data = memoryview(content)
         tree = msgspec.msgpack.decode(data[:size], ext_hook=lambda code, place: _decode(code, place, data[size:]))
         if not isinstance(tree, dict):
-            raise ValueError("its content is no set of named values")
+            raise ValueError("expected named values")
     except OSError as error:
         raise CheckpointError(f"{path}: cannot be read: {error.strerror or error}") from error
     except (ValueError, TypeError, OverflowError, RecursionError, MemoryError) as error:
-        raise DamagedCheckpointError(path, f"is no checkpoint, or a damaged one: {error}") from error
+        raise DamagedCheckpointError(path, f"is not a checkpoint, or is damaged: {error}") from error
     return tree
 
 
@@ -114,11 +114,11 @@ class _Arrays:
         if isinstance(value, Mapping):
             return dict(value)
         if not isinstance(value, np.ndarray):
-            raise TypeError(f"a checkpoint holds no {type(value).__name__}")
+            raise TypeError(f"a checkpoint cannot store a {type(value).__name__}")
         columns = value.flags.f_contiguous and not value.flags.c_contiguous  # numpy sums in the order of the memory
         dtype = value.dtype.newbyteorder("<")
         if dtype.str not in DTYPES:
-            raise TypeError(f"a checkpoint holds no array of {value.dtype}")
+            raise TypeError(f"a checkpoint cannot store an array of {value.dtype}")
         place = msgspec.msgpack.encode((dtype.str, value.shape, columns, self._size))
         if value.size:
             laid = np.ascontiguousarray(value.T if columns else value, dtype)
@@ -172,7 +172,7 @@ class CheckpointFolder:
             except CheckpointError as error:
                 if path == files[-1]:
                     raise
-                log.warning("%s; the one before is taken", error)
+                log.warning("%s; the checkpoint before it is used", error)
         return None
 
     def open_journal(self, place: int, width: int, kept: Mapping[str, State] | None) -> Journal:
@@ -285,12 +285,12 @@ class Journal:
         except EOFError:
             raise self._make_damaged(f"ends within the {size} bytes of the checkpoint, or is damaged") from None
         if self._sum != checksum:
-            raise self._make_damaged("is damaged: the checksum of its rows does not fit")
+            raise self._make_damaged("is damaged: the checksum of its rows is wrong")
         self._file.truncate(size)
         self._file.seek(0, os.SEEK_END)
 
     def _make_damaged(self, what: str) -> CheckpointError:
-        return DamagedCheckpointError(self.path, f"{what}: the run cannot go on, begin it anew")
+        return DamagedCheckpointError(self.path, f"{what}: start the run again")
 
 
 def _lay_out(rows: Array) -> Words:

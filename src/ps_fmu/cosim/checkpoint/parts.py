@@ -20,7 +20,7 @@ from ..structure import PortName, System
 from ..wires import Assembly
 from .state import CheckpointError, State
 
-_ABILITIES = {"canGetAndSetFMUstate": "gives no state", "canSerializeFMUstate": "gives its state in memory only"}
+_ABILITIES = {"canGetAndSetFMUstate": "save its state", "canSerializeFMUstate": "write its state into a file"}
 
 
 def check_abilities(parts: Assembly) -> None:
@@ -29,8 +29,8 @@ def check_abilities(parts: Assembly) -> None:
         for ability, lack in _ABILITIES.items():
             if not getattr(description.coSimulation, ability):
                 raise CheckpointError(
-                    f"{name}: no checkpoints are possible: the FMU {lack} ({ability} is false).  Run without them, "
-                    "or export the FMU with states: its tool may have an option for that"
+                    f"{name}: no checkpoints are possible: the FMU cannot {lack} ({ability} is false).\n"
+                    "  Run without checkpoints, or export the FMU with states, if its tool has an option for that."
                 )
 
 
@@ -81,7 +81,7 @@ def load_fmu(parts: Assembly, name: str, kept: Mapping[str, State]) -> None:
     """Give an FMU its state back.  Raises :class:`SlaveError`."""
     instance, state = parts.instances[name], kept["state"]
     if not isinstance(state, bytes):
-        raise TypeError(f"the state of {name} is no row of bytes")
+        raise TypeError(f"the state of {name} is not a row of bytes")
     instance.read_state(state)
     instance.warnings = int(kept["warnings"])
     instance.messages.note_shown(map(str, kept["shown"]))
@@ -108,7 +108,7 @@ def load_rows(parts: Assembly, kept: Mapping[str, State]) -> None:
     if block.shape[1:] != latest.shape or latest.shape != rows.latest.shape or len(block) > rows.capacity:
         raise ValueError(f"rows of the shape {block.shape}, expected up to {rows.block.shape}")
     if not (block.dtype == latest.dtype == np.float64) or int(kept["first"]) < 0:
-        raise ValueError("rows that are no numbers")
+        raise ValueError("expected rows of numbers")
     rows.restore(int(kept["first"]), block, latest)
     parts.faults.load_state(kept["faults"])
     load_values_set(parts, kept)
@@ -164,25 +164,25 @@ def find_difference(own: Mapping[str, Any], kept: Mapping[str, Any]) -> str | No
     names = {"package": "version of ps_fmu", "step": "step (s)", "scheme": "scheme", "start": "start time (s)"}
     for name, what in names.items():
         if name in own and own[name] != kept.get(name):
-            return f"another {what}: {kept.get(name)!r} there, {own[name]!r} here"
+            return f"the {what} is {kept.get(name)!r} in the checkpoint and {own[name]!r} in this run"
     fmus = kept.get("fmus")
     if not isinstance(fmus, dict) or own["fmus"].keys() != fmus.keys():
-        return f"other components: {', '.join(fmus or ())} there, {', '.join(own['fmus'])} here"
+        return f"the components are {', '.join(fmus or ())} in the checkpoint and {', '.join(own['fmus'])} in this run"
     if others := [component for component, found in own["fmus"].items() if found != fmus[component]]:
-        return f"another FMU behind {', '.join(others)}: its content is not the same"
+        return f"the content of the FMU of {', '.join(others)} differs"
     for name, what in (
-        ("connections", "another wiring"),
-        ("columns", "other recorded variables, as by --observe or --faults"),
-        ("faults", "other faults"),
+        ("connections", "the connections differ"),
+        ("columns", "the recorded variables differ (--observe, --faults)"),
+        ("faults", "the faults differ"),
     ):  # fmt: skip
         if name not in own:
             continue
         here, there = set(own[name]), set(kept.get(name) or ())
         if here != there:
             which = sorted(here ^ there)[0]
-            return f"{what}: {which!r} is {'not there' if which in here else 'not here'}"
+            return f"{what}: {which!r} is missing in {'the checkpoint' if which in here else 'this run'}"
         if list(own[name]) != list(kept[name]):
-            return f"{what}: they are in another order"
+            return f"{what} in their order"
     return None
 
 

@@ -65,7 +65,7 @@ class WarmStart:
         if path.is_dir():
             found = CheckpointFolder(path).read()
             if found is None:
-                raise CheckpointError(f"{path}: there is no checkpoint in this folder")
+                raise CheckpointError(f"{path}: there is no checkpoint in this folder: make it by --checkpoint")
             self.path, kept = found
         else:
             self.path, kept = path, read_file(path)
@@ -150,7 +150,7 @@ class WarmStart:
     def _check_system(self, identity: Mapping[str, State], scheme: Scheme, step: float) -> None:
         """Raises :class:`CheckpointError` for a checkpoint of another system."""
         if difference := find_difference(identity, self._kept["run"]):
-            raise CheckpointError(f"{self.path}: is of another system: {difference}")
+            raise CheckpointError(f"{self.path}: belongs to another system: {difference}")
         self._check_rates(scheme, step)
 
     def _find_changes(
@@ -172,16 +172,16 @@ class WarmStart:
             if value == there:
                 continue
             if reason := explain_unsettable(variable, True):
-                refused.append(f"{name} {reason}; it is {there} there, {value} here")
+                refused.append(f"{name} {reason}; its value is {there} in the checkpoint and {value} in this run")
                 fixed.add(port.component)
             else:
                 changes[port] = value
         if refused:
             anew = shlex.join(sorted(fixed))
             raise CheckpointError(
-                f"{self.path}: these values are in the states of the FMUs and cannot change:\n"
+                f"{self.path}: these values are part of the states of the FMUs and cannot change:\n"
                 + "\n".join(f"- {text}" for text in refused)
-                + f"\nLeave them as they are there, or have these FMUs begin anew, without their state: --anew {anew}"
+                + f"\nKeep these values, or initialise these FMUs again, without their states: --anew {anew}"
             )
         return changes
 
@@ -190,8 +190,8 @@ class WarmStart:
         period, index = find_period(scheme), int(self._kept["index"])
         if index % period:
             raise CheckpointError(
-                f"{self.path}: is within a step of a component: rates come round after {period} steps, and it is at "
-                f"step {index} of its run.  Begin from a checkpoint at a multiple of {period * step:.9g} s"
+                f"{self.path}: lies within a step of a component, after step {index} of its run.\n"
+                f"  Begin from a checkpoint at a multiple of {period * step:.9g} s ({period} steps)."
             )
 
     def _read_latest(self, parts: Assembly, time: float) -> Array:
@@ -211,7 +211,7 @@ class WarmStart:
             if name in there:
                 kind.values[own] = there[name]
             elif not column.component:
-                raise CheckpointError(f"{self.path}: is of another system: {column.name!r} is not recorded there")
+                raise CheckpointError(f"{self.path}: belongs to another system: its run did not record {column.name!r}")
             else:
                 variable = column.name.removeprefix(f"{column.component}.")
                 kind.values[own] = parts.instances[column.component].get([variable], time)[variable]
@@ -233,7 +233,7 @@ class WarmStart:
         discrete = [name for name in names if name.endswith(tuple(f" {kind}" for kind in DISCRETE_TYPES))]
         reals = len(names) - len(discrete)
         if names[reals:] != discrete:
-            raise ValueError("its columns are in no order that rows have")
+            raise ValueError("its columns are in a wrong order")
         whole = latest[reals:].view(np.int32)[: len(discrete)]
         return dict(zip(names, [*latest[:reals].tolist(), *whole.tolist()], strict=True))
 
@@ -252,4 +252,4 @@ class WarmStart:
                     kind.values[place] = parts.instances[port.component].get([port.variable], time)[port.variable]
 
     def _make_damaged(self, error: Exception) -> CheckpointError:
-        return DamagedCheckpointError(self.path, f"is a damaged checkpoint: {error!r}")
+        return DamagedCheckpointError(self.path, f"is damaged: {error!r}")

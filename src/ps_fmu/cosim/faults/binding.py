@@ -84,8 +84,8 @@ class BoundFaults:
             if fault.first >= end:
                 raise self.file.error(
                     fault.event,
-                    f"time {fault.event.time_s:g} s is not before the end of the run, "
-                    f"{clock.time(end) - clock.start:g} s after its start: it would never act",
+                    f"time: expected a time before the end of the run, {clock.time(end) - clock.start:g} s after its "
+                    f"start, got {fault.event.time_s:g} s",
                 )
 
 
@@ -140,7 +140,7 @@ class _Binder:
         names = [component.name for component in self._system.components]
         if signal.component not in names:
             hint = suggest_names(signal.component, names) or f"; there are {', '.join(names[:20])}"
-            raise UsageError(f"model: the system has no component {signal.component!r}{hint}")
+            raise UsageError(f"model: there is no component {signal.component!r} in the system{hint}")
         variable = find_variable(self._descriptions[signal.component], signal.variable)
         inputs, on_output = self._find_inputs(event, variable)
         first = self.find_point(event.time_s)
@@ -149,12 +149,13 @@ class _Binder:
             return
         if variable.type not in _TYPES[event.action]:
             fit = ", ".join(action for action, types in _TYPES.items() if variable.type in types)
-            raise UsageError(f"action {event.action}: is not for {signal}, a {variable.type}, which takes {fit}")
+            raise UsageError(f"action {event.action}: cannot act on {signal} ({variable.type}): expected one of {fit}")
         last = self._end
         if event.duration_s is not None:
             own = self.find_point(event.time_s + event.duration_s)
             if own == first:
-                raise UsageError(f"duration: {event.duration_s:g} s has no step of {self._clock.step:g} s in it")
+                step = self._clock.step
+                raise UsageError(f"duration: no step of {step:g} s ends within {event.duration_s:g} s: expected more")
             last = own if last is None else min(own, last)
         unit = get_unit(variable) or ""
         fault = Fault(
@@ -169,7 +170,7 @@ class _Binder:
         if not inputs:
             self._remarks.append(
                 f"{self._file.path}: {event.key}: no connection leads from the output {signal}: "
-                f"nothing sees its fault"
+                f"the fault changes nothing"
             )
 
     def conclude(self) -> BoundFaults:
@@ -186,15 +187,15 @@ class _Binder:
         signal = event.signal
         if variable.causality in ("input", "parameter"):
             if event.target is not None:
-                raise UsageError(f"target: {signal} is of causality {variable.causality}: only outputs have targets")
+                raise UsageError(f"target: expected none, as {signal} is not an output but {variable.causality}")
             if reason := explain_unsettable(variable, running=True):
-                raise UsageError(f"variable: {signal} {reason}: give it another value by --parameters")
+                raise UsageError(f"variable: {signal} {reason}: set it by --parameters")
             return (signal,), False
         targets = self._targets.get(signal, [])
         if variable.causality != "output" and not targets:
             raise UsageError(
-                f"variable: {signal} is of causality {variable.causality}: faults act on outputs, inputs and tunable "
-                f"parameters"
+                f"variable: expected an output, an input or a tunable parameter; the causality of {signal} is "
+                f"{variable.causality}"
             )
         if event.target is None:
             return tuple(targets), True
@@ -223,7 +224,7 @@ class _Binder:
             checked = convert_value(variable, value)
             items = find_end(variable, self._descriptions[event.signal.component]).items
             if items and checked not in items.values():
-                raise UsageError(f"value: the enumeration has no value {value}; it has {list_items(items)}")
+                raise UsageError(f"value: expected an item of the enumeration, {list_items(items)}, got {value}")
             return checked
         number = isinstance(value, int | float) and not isinstance(value, bool)
         if not number or not math.isfinite(float(value)):

@@ -86,19 +86,19 @@ def _take_apart(file: FaultFile, name: str) -> tuple[int, str]:
     """The place of the event in the file, and the key."""
     label, dot, key = name.rpartition(".")
     if not dot:
-        raise SystemFileError(file.path, f"expected an event and a key of it, as in {name}.value")
+        raise SystemFileError(file.path, f"{name}: expected an event and a key of it, such as {name}.value")
     places = {event.name: place for place, event in enumerate(file.events) if event.name}
     place = places.get(label)
     if place is None and label.isdecimal() and label.isascii() and int(label) < len(file.events):
         place = int(label)
     if place is None:
-        named = f"one of the names {', '.join(places)}" if places else "a name, which none has"
+        named = f"one of the names {', '.join(places)}" if places else "a name, but no event states one"
         text = f"there is no event {label!r}: expected a number from 0 to {len(file.events) - 1}, or {named}"
         raise SystemFileError(file.path, f"{text}{suggest_names(label, places)}")
     event = file.events[place]
     known = list_numbers(event)
     if key not in known:
-        text = f"the event has no number {key!r}; it has {', '.join(known)}{suggest_names(key, known)}"
+        text = f"there is no number {key!r} in the event; expected one of {', '.join(known)}{suggest_names(key, known)}"
         raise file.error(event, text)
     return place, key
 

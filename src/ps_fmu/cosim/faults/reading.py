@@ -75,7 +75,7 @@ class FaultFile:
         for event in self.events:
             late = self.end_s is not None and event.time_s >= self.end_s
             if late and not (event.action == RESET and event.time_s == self.end_s):
-                text = f"time {event.time_s:g} s is not before the end of the faults, {self.end_s:g} s"
+                text = f"time: expected a time before the end of the faults, {self.end_s:g} s, got {event.time_s:g} s"
                 raise self.error(event, text)
 
     def error(self, event: FaultEvent, text: str) -> SystemFileError:
@@ -129,7 +129,7 @@ class _Dropout(_Fault, tag=DROPOUT):
 
     def __post_init__(self) -> None:
         if self.seed is not UNSET and self.probability is UNSET:
-            raise ValueError("seed: is for a dropout with a probability")
+            raise ValueError("seed: expected none without a probability")
 
 
 class _Delay(_Fault, tag=DELAY):

@@ -33,6 +33,7 @@ from typing import Any
 
 from fmpy.fmi2 import fmi2CallbackFunctions
 
+from ...child_processes import end_group
 from ...native import find_compiled, find_platform
 from ...terminal import escape_controls
 from ..errors import CosimError, UsageError
@@ -56,7 +57,7 @@ _WARNING, _FATAL = 1, 4  # fmi2Status
 ALIVE, KILLED, EXITED, HANGS, INTERRUPTED = range(5)  # Fate of client.h
 _OF_PYTHON = "PyGILState_Ensure", "PyGILState_Release", "PyErr_CheckSignals", "PyErr_Clear"  # Python of client.h
 CHANGES = {
-    1: "changed the rounding of floating-point numbers, so that its results are not those of any other tool",
+    1: "changed the rounding of floating-point numbers, which changes its results",
     2: "closed file descriptors that belong to its host",
 }
 """What an FMU may not do, by Change of channel.h."""
@@ -259,7 +260,7 @@ class GuestProcess:
         self._pipe.close()  # so it ends
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(timeout=ENDING_S if self.fate == ALIVE else 0.0)
-        _end_group(self._process.pid)  # also what the FMU has started
+        end_group(self._process.pid)  # also what the FMU has started
         self._process.wait()
         self._reader.join(timeout=ENDING_S)
         functions.forget_reads(self.address)
@@ -288,11 +289,6 @@ def _start(pipe: int, descriptor: int, size: int) -> subprocess.Popen[bytes]:
         stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, pass_fds=(pipe, descriptor),
         start_new_session=True,
     )  # fmt: skip
-
-
-def _end_group(process: int) -> None:
-    with suppress(ProcessLookupError, PermissionError):
-        os.killpg(process, signal.SIGKILL)
 
 
 def _name_signal(number: int) -> str:

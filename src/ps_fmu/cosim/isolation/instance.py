@@ -170,7 +170,7 @@ class IsolatedInstance(FmuInstance):
     def _raise_change(self, function: str, time: float | None, change: str) -> NoReturn:
         self.phase = InstancePhase.FATAL
         raise SlaveError(
-            f"{self.name}: {function}{at_time(time)} {change}\n  An FMU must leave this as it is: tell its maker.",
+            f"{self.name}: {function}{at_time(time)} {change}\n  Report this fault to the maker of the FMU.",
             component=self.name, function=function, status=FATAL, time=time, messages=self.messages.take(),
         )  # fmt: skip
 
@@ -264,7 +264,7 @@ def make_isolation(
     given = {name: value for name, value in timeouts.items() if value is not None}
     if not isolate:
         for name in given:
-            raise UsageError(f"{name}: only FMUs with processes of their own can be ended; give --isolate, too")
+            raise UsageError(f"{name}: needs --isolate: only an FMU in a process of its own can be ended")
         return None
     for name, value in given.items():
         if not (math.isfinite(value) and 0.0 < value <= LONGEST_S):

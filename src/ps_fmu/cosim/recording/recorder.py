@@ -24,7 +24,7 @@ from ..checkpoint.state import RowJournal
 from ..errors import RecorderError, UsageError
 from ..rows import Array, Column
 from .decimate import Decimator
-from .delivery import write_rows
+from .delivery import Observer, write_rows
 from .thinner import Thinner
 
 CHUNK_ROWS = 4000
@@ -73,6 +73,8 @@ class Recorder:
     append: add the group to an existing file
     rows: expected number of rows, if it is known; the run may have more or fewer
 
+    Attributes: ``columns`` that are stored, and ``watching``: observers of the rows that are stored.
+
     Raises :class:`UsageError` for arguments that do not fit, :class:`RecorderError` if the file cannot be
     written.
     """
@@ -94,17 +96,18 @@ class Recorder:
         self._thinner = Thinner(columns, step, storage_step, select)
         self.factor = self._thinner.factor
         self._step = step
-        self._columns = self._thinner.columns
-        self._row_bytes = 8 + sum(STORAGE[column.type][1] for column in self._columns)
+        self.columns = self._thinner.columns
+        self._row_bytes = 8 + sum(STORAGE[column.type][1] for column in self.columns)
         chunk = CHUNK_ROWS if rows is None else find_chunk_rows(-(-rows // self.factor))
         # What does not fit in whole chunks is lost: of little room not much at once.
         most = int(min(self._find_room()) / LEAST_CHUNKS / self._row_bytes)
-        most = min(most, MOST_CHUNK_BYTES // (8 * (1 + len(self._columns))))  # doubles of all types, in memory
+        most = min(most, MOST_CHUNK_BYTES // (8 * (1 + len(self.columns))))  # doubles of all types, in memory
         self._chunk = self._enough = max(LEAST_CHUNK_ROWS, min(chunk, most))
         # Values of a column side by side, time first: netCDF4 would copy each column from all over the rows.
-        self._pending: Array = np.empty((1 + len(self._columns), self._enough))
-        self._copy = ColumnCopy(range(len(self._columns)), len(self._columns))
+        self._pending: Array = np.empty((1 + len(self.columns), self._enough))
+        self._copy = ColumnCopy(range(len(self.columns)), len(self.columns))
         self._n_pending = 0
+        self.watching: list[Observer] = []
         self._seen_early: int | None = None
         self._written = 0
         self._last_write = wall_clock.perf_counter()
@@ -138,7 +141,7 @@ class Recorder:
 
     def _take(self, first_index: int, time: Array, values: Array) -> None:
         if self._dataset is None:
-            raise RecorderError(f"{self.path}: is closed; nothing can be recorded any longer")
+            raise RecorderError(f"{self.path}: is closed: record all rows before")
         if len(values) == 0:
             return
         try:
@@ -150,7 +153,7 @@ class Recorder:
     @property
     def journal_width(self) -> int:
         """Numbers in a row of the journal of a checkpoint: the time, then the columns."""
-        return 1 + len(self._columns)
+        return 1 + len(self.columns)
 
     def use_journal(self, journal: RowJournal) -> None:
         """Add the rows that are stored to a journal, too: a file of netCDF that a kill has torn is not read again."""
@@ -205,12 +208,12 @@ class Recorder:
         self._dataset = netCDF4.Dataset(self.path, "a" if append else "w", format="NETCDF4")
         self._dataset.Conventions = CONVENTIONS
         if run in self._dataset.groups:
-            raise UsageError(f"{self.path}: has a run {run!r} already")
+            raise UsageError(f"{self.path}: there is a run {run!r} already: choose another name")
         group = self._dataset.createGroup(run)
         group.setncatts(dict(attributes))
         group.createDimension("time", None)
         time = Column("time", TIME_UNITS, "Real", "simulated time")
-        self._variables = [self._variable(group, column) for column in (time, *self._columns)]
+        self._variables = [self._variable(group, column) for column in (time, *self.columns)]
         self._variables[0].setncatts({"standard_name": "time", "axis": "T", "calendar": "standard"})
         _describe_filter(group.createGroup(FILTER), self._thinner.decimator, self._step)
         self._dataset.sync()
@@ -231,6 +234,8 @@ class Recorder:
 
     def store(self, times: Array, rows: Array) -> None:
         """Store rows (n, columns) that are selected, filtered and thinned already, with their times (n,)."""
+        for observer in self.watching if len(rows) else ():
+            observer.block(self._written + self._n_pending, times, rows)
         taken = 0
         while taken < len(rows):
             begin = self._n_pending
@@ -282,15 +287,15 @@ class Recorder:
     def _check_space(self, rows: int) -> None:
         """HDF5 does not recover from a write that fails half-way: refuse before it starts."""
         chunks = -(-(self._written + rows) // self._chunk) - -(-self._written // self._chunk)
-        needed = chunks * self._chunk * self._row_bytes + METADATA_BYTES * (len(self._columns) + 16)
+        needed = chunks * self._chunk * self._row_bytes + METADATA_BYTES * (len(self.columns) + 16)
         free, limit = self._find_room()
         if needed > min(free, limit):
             reason = "the disk is full" if free <= limit else "the file size limit of this process is reached"
             self._release()
             raise RecorderError(
                 f"{self.path}: {reason}: {needed / 1e6:.1f} MB needed, {min(free, limit) / 1e6:.1f} MB free. "
-                f"The {self._written} rows stored so far can be read; free space, or record fewer columns or "
-                "with a larger storage step"
+                f"{self._written} rows are stored.\n"
+                "  Free some space, record fewer columns, or choose a larger storage step."
             )
 
     @contextmanager
@@ -304,7 +309,7 @@ class Recorder:
             free = shutil.disk_usage(self.path.absolute().parent).free if self.path.parent.exists() else 0
             raise RecorderError(
                 f"{self.path}: cannot be written: {error} ({free / 1e6:.1f} MB free on the disk). "
-                f"{self._written} rows were stored before"
+                f"{self._written} rows are stored."
             ) from error
         except UsageError:
             self._release()

@@ -43,7 +43,7 @@ def resolve_scheme(
             rates[component.name] = rate or Rate()
             if rate is None:
                 log.warning(
-                    "%s: its step of %.9g s is no whole multiple or fraction of the step of %.9g s: it makes that step",
+                    "%s: its step of %.9g s is not a whole multiple or fraction of the step of %.9g s, which is used",
                     component.name, stated, step,
                 )  # fmt: skip
     scheme = replace(scheme, rates=rates)

@@ -161,7 +161,7 @@ def find_rate(step: float, base: float) -> Rate | None:
 def add_scheme_options(parser: argparse.ArgumentParser) -> None:
     """Add them; :func:`read_scheme` reads them."""
     default = Iteration()
-    group = parser.add_argument_group("scheme", "how FMUs exchange values; docs/any-system.md says how exactly")
+    group = parser.add_argument_group("scheme", "how FMUs exchange values: docs/any-system.md")
     add = group.add_argument
     add("--scheme", choices=ORDERS, default=ORDERS[0], help="order of exchange; iterated solves loops (%(default)s)")
     add(
@@ -191,7 +191,7 @@ def read_scheme(arguments: argparse.Namespace) -> Scheme:
         if not (equals and name):
             raise UsageError(f"--rate: expected COMPONENT=N or COMPONENT=1/N, got {text!r}")
         if name in rates:
-            raise UsageError(f"--rate: {name} has two of them")
+            raise UsageError(f"--rate: {name} occurs twice")
         rates[name] = read_rate(rate)
     iteration = Iteration(arguments.solver, arguments.tolerance)
     return Scheme(arguments.scheme, arguments.extrapolate, rates, iteration, arguments.error_estimate)

@@ -107,7 +107,7 @@ class _Flattener:
                 for place in places:
                     self.given[place] = entry
                 if not places:
-                    text = f"{entry.origin}: nothing in the system {node.name!r} is called {name!r}"
+                    text = f"{entry.origin}: there is no {name!r} in the system {node.name!r}"
                     if not (self.lenient and entry.bound):
                         raise UsageError(text)
                     self.found.remarks.append(f"{text}: ignored")
@@ -137,16 +137,16 @@ class _Flattener:
             if name not in child.connectors:
                 what = "the system" if element is None else f"component {element!r}"
                 hint = suggest_names(name, child.connectors)
-                raise _make_error(node, wire.line, f"connection: {what} has no connector {name!r}{hint}")
+                raise _make_error(node, wire.line, f"connection: there is no connector {name!r} at {what}{hint}")
             roles.append(_find_role(child.connectors[name], element is None))
             if isinstance(child, ReferenceNode):
                 places.append(self.find_signal(child, name, known))
             else:
                 places.append(Place(path if element is None else (*path, child.name), name))
         if roles[0] == roles[1] != 0 and not all(place.path in self.nodes for place in places):
-            what = "give a value and none takes" if roles[0] > 0 else "take a value and none gives"
+            what = "give a value" if roles[0] > 0 else "take a value"
             shown = " and ".join(_show(place) for place in places)
-            raise _make_error(node, wire.line, f"connection: {shown} both {what} it: correct a kind, or remove it")
+            raise _make_error(node, wire.line, f"connection: {shown} both {what}: correct a kind, or remove it")
         # Two such connectors of components are reported with what the FMUs say of them.
         source, target = places if roles[0] >= roles[1] else places[::-1]
         self.edges.setdefault(target, []).append(Edge(source, wire.hop, wire.line, node))
@@ -160,7 +160,7 @@ class _Flattener:
         path, entries = known[node.dictionary]
         if name not in entries:
             hint = suggest_names(name, entries)
-            text = f"the signal dictionary {node.dictionary!r} has no entry {name!r}{hint}"
+            text = f"there is no entry {name!r} in the signal dictionary {node.dictionary!r}{hint}"
             raise _make_error(node, node.connectors[name].line, text)
         place = Place(path, name, node.dictionary)
         self.ends[place] = entries[name]

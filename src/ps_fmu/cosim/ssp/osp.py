@@ -111,7 +111,7 @@ class _Reader:
         element = get_only_child(root, "oss:Algorithm", self._path)
         if element is not None and element.text.strip() != "fixedStep":
             where = f"{self._path}, line {element.line}"
-            yield f"{where}: Algorithm {element.text.strip()!r} is not known here: the step is that of BaseStepSize"
+            yield f"{where}: Algorithm {element.text.strip()!r} is not supported: the step is BaseStepSize"
 
     def _read_simulator(self, element: Element) -> Component:
         name = element.attributes["name"]
@@ -185,7 +185,7 @@ class _Reader:
         if function not in functions:
             raise self._make_error(f"there is no function {function!r}{suggest_names(function, functions)}", signal)
         if name not in ("in", "out"):
-            raise self._make_error(f"function {function!r} has the signals in and out, not {name!r}", signal)
+            raise self._make_error(f"function {function!r}: expected the signal in or out, got {name!r}", signal)
         port, causality = self._read_variable(variable)
         if (name == "in") != (causality == "output"):
             expected = "an output" if name == "in" else "an input"
@@ -205,7 +205,8 @@ class _Reader:
             self._variables[component] = index_variables(read_description(source, lenient=True))
         variables = self._variables[component]
         if name not in variables:
-            raise self._make_error(f"{component} has no variable {name!r}{suggest_names(name, variables)}", element)
+            hint = suggest_names(name, variables)
+            raise self._make_error(f"there is no variable {name!r} in {component}{hint}", element)
         port, causality = PortName(component, name), str(variables[name].causality)
         self._connectors.setdefault(port, Connector(name, causality, None, None, element.line))
         return port, causality

@@ -188,7 +188,7 @@ class SsdReader:
                 folder = self.sources.open_archive(path)
                 path = self.sources.find(fragment or SSD_NAME, element, folder / SSD_NAME)
                 if not path.is_file():
-                    raise self.make_error(f"component {name!r}: {place} has no {path.name}", element)
+                    raise self.make_error(f"component {name!r}: there is no {path.name} in {place}", element)
             found = SsdReader(path, self.sources, self.above).read()
         _, line, _, _, connectors, bindings = self._read_common(element, name)
         # The connectors of the system count; the component may state fewer (SSP 2.0, section 5.4.1).

@@ -4,11 +4,21 @@
 
 #include <stdint.h>
 
-#define CORE_MAGIC 0x37302d65726f63ull /* "core-07" */
+#define CORE_MAGIC 0x39302d65726f63ull /* "core-09" */
+
+/* A function or table that Python finds in a library by its name. */
+#ifdef _WIN32
+#define EXPORT __declspec(dllexport)
+#else
+#define EXPORT __attribute__((visibility("default")))
+#endif
 
 /* Asked for the String variable of this value reference, a slave answers with the address of its core, in decimal; 0: it
    wants none.  No model description lists it. */
 #define CORE_REFERENCE 2147483647u
+
+/* Asked for this String, a slave renews the linear model in its core. */
+#define LINEAR_REFERENCE 2147483646u
 
 /* What may be done with a value reference. */
 enum { CORE_REAL = 1, CORE_INTEGER = 2, CORE_BOOLEAN = 4, CORE_SET = 8, CORE_EVENT = 16 };
@@ -33,7 +43,8 @@ enum {
     ELEMENT_DELAY,
     ELEMENT_WATCH,
     ELEMENT_COUNT,
-    ELEMENT_SPARSE
+    ELEMENT_SPARSE,
+    ELEMENT_CALL
 };
 
 /* `n_source` of a WATCH whose sources, and seconds, lie side by side; of a QUANTISE whose targets do, if no resolution
@@ -45,6 +56,20 @@ enum { NEIGHBOURS = 1 };
    taken, s, and the n values. */
 enum { DELAY_NEWEST, DELAY_OUT, DELAY_AGE, DELAY_NEWEST_AGE, DELAY_RING };
 
+typedef struct Core Core;
+
+/* What a function returns that is an element of a step: the step is refused, and changes nothing; it goes on; it is
+   complete: neither maps nor further elements follow, but the limits still hold. */
+enum { CALL_REFUSED, CALL_DONE, CALL_FINISHED };
+
+/* A step as a function.  It reads `data` and the words of the core for the time, and writes those of its places in `data`
+   that are its element's targets; the kernel asks whether they are finite.  `arguments`: constants, and caches that
+   are functions of constants and of `data`.  It may leave a message (write_message). */
+typedef int64_t Function(void *arguments, Core *core);
+
+/* What a message is. */
+enum { MESSAGE_NONE, MESSAGE_WARNING, MESSAGE_REFUSAL = 3 };
+
 /* The same as the class Instruction in instructions.py.  Lists of places are places in `data`. */
 typedef struct Element {
     int64_t kind, n;          /* n: length of `target`, and of the lists that go with it element by element */
@@ -54,6 +79,8 @@ typedef struct Element {
     int64_t stride, n_source;
     int64_t clock;            /* place of a clock, a flag, or what a DELAY keeps */
     double time;              /* period or delay, s */
+    Function *function;       /* CALL */
+    void *arguments;
 } Element;
 
 /* Numbers side by side in `data`. */
@@ -96,7 +123,7 @@ typedef struct Calls {
 
 /* The same as the class Core in core.py; all arrays belong to the slave.  Between two calls of the host each word has
    one writer: who makes the call. */
-typedef struct Core {
+struct Core {
     uint64_t magic;
     uint64_t size; /* of this structure, bytes */
 
@@ -141,6 +168,24 @@ typedef struct Core {
     int64_t block;            /* value of `count` at the first row of the table */
 
     int64_t native_steps, python_steps; /* since the instance was made */
-} Core;
+
+    /* For steps of any size. */
+    int64_t any_step;         /* elements and maps are the same for each size: another one needs no Python */
+    double origin, stop;      /* where steps of this size began, and the stop time, s */
+
+    /* From a CALL of the step to the host: a warning, or why a step is refused. */
+    int64_t message_status;
+    char message[512];        /* UTF-8 */
+    const char *label;        /* of the instance, before its messages */
+
+    /* For directional derivatives: the matrix [A B; C D] by columns, of n_rates + n_outputs numbers each.  States are the first
+       n_rates places behind the outputs, which begin at 0; their rates are the value references from `first_rate` on. */
+    const double *linear;     /* NULL: there is none */
+    int64_t linear_holds;     /* it is the same whatever the state is */
+    int64_t n_rates, first_rate, n_outputs, first_input, n_inputs;
+};
+
+/* Two statements of one size of steps differ by no more than this, relatively: hosts form them as differences. */
+#define SAME_STEP 1e-6
 
 #endif

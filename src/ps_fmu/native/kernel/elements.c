@@ -276,6 +276,17 @@ static bool count(double *data, const Element *e)
     return is_finite(sum);
 }
 
+/* The kernel looks at what the function has written. */
+static bool call(Run *run, const Element *e)
+{
+    const int64_t done = e->function(e->arguments, run->core);
+    int finite = 1;
+    for (int64_t k = 0; k < e->n; k++)
+        finite &= is_finite(run->data[e->target[k]]);
+    run->finished = done == CALL_FINISHED;
+    return finite && done != CALL_REFUSED;
+}
+
 static bool run_element(Run *run, const Element *e)
 {
     double *data = run->data;
@@ -306,6 +317,8 @@ static bool run_element(Run *run, const Element *e)
         return count(data, e);
     case ELEMENT_SPARSE:
         return sparse(run, e);
+    case ELEMENT_CALL:
+        return call(run, e);
     default:
         return false;
     }
@@ -313,7 +326,7 @@ static bool run_element(Run *run, const Element *e)
 
 bool run_elements(Run *run, const Element *elements, int64_t n)
 {
-    for (int64_t i = 0; i < n; i++)
+    for (int64_t i = 0; i < n && !run->finished; i++)
         if (!run_element(run, &elements[i]))
             return false;
     return true;

@@ -30,6 +30,7 @@ typedef struct {
     Span *kept;         /* the next free ones of the core's kept_spans and kept_values */
     double *kept_value;
     bool due;           /* a WATCH has found that an event is due */
+    bool finished;      /* a CALL has completed the step */
 } Run;
 
 /* Have a loop done as it is written: for a few numbers, vectors and what chooses between them cost more than they bring,
@@ -84,8 +85,8 @@ static inline int is_finite(double value)
 /* Keep n numbers as they are now, before they are written. */
 void run_keep(Run *run, int64_t place, int64_t n);
 
-/* Do elements in their order; false if a number is not finite or a delay's memory is impossible or full.  The caller has to undo
-   then. */
+/* Do elements in their order, up to a CALL that completes the step; false if a number is not finite, a delay's memory is
+   impossible or full, or a CALL refuses.  The caller has to undo then. */
 bool run_elements(Run *run, const Element *elements, int64_t n);
 
 /* Elements with times of their own (timed.c); see run_elements. */

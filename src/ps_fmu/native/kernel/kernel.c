@@ -2,7 +2,9 @@
 #include "elements.h"
 #include "kernel.h"
 
+#include <stdarg.h>
 #include <stddef.h>
+#include <stdio.h>
 #include <string.h>
 
 /* No fused multiply-add: each operation rounds.  (gcc with -std=c99 makes none.) */
@@ -109,18 +111,18 @@ static bool prepare(Run *run)
     return true;
 }
 
-/* The maps and the elements after them. */
+/* The maps and the elements after them, unless a CALL has done all. */
 static bool finish(Run *run)
 {
     Core *core = run->core;
-    return compute(core, run->by) && run_elements(run, core->after, core->n_after);
+    return run->finished || (compute(core, run->by) && run_elements(run, core->after, core->n_after));
 }
 
 static bool step(Core *core, const Arithmetic *by)
 {
     if (core->plain == CORE_NOTHING)
         return false;
-    Run run = {core, core->data, by, core->kept_spans, core->kept_values, false};
+    Run run = {core, core->data, by, core->kept_spans, core->kept_values, false, false};
     if (core->n_maps > 1 || core->n_after > 0) /* else a map that is not finite has written nothing */
         run_keep(&run, core->target - core->data, core->n_target);
     for (const Span *span = core->spans; span < core->spans + core->n_spans; span++)
@@ -134,6 +136,34 @@ static bool step(Core *core, const Arithmetic *by)
     if (run.due)
         core->pending = CORE_DUE;
     return true;
+}
+
+bool kernel_map(const Map *map)
+{
+    if (!arithmetics[best].map(map))
+        return false;
+    copy(map->target, map->work, map->n_target);
+    return true;
+}
+
+bool kernel_product(const double *matrix, int64_t stride, const double *x, int64_t n_x, double *w)
+{
+    return arithmetics[best].product(matrix, stride, x, n_x, w);
+}
+
+void write_message(Core *core, int64_t status, const char *format, ...)
+{
+    va_list values;
+    va_start(values, format);
+    const int needed = vsnprintf(core->message, sizeof core->message, format, values);
+    va_end(values);
+    if (needed >= (int)sizeof core->message) { /* do not cut within a character */
+        size_t end = sizeof core->message - 1;
+        while (end > 0 && (core->message[end - 1] & 0xC0) == 0x80)
+            end--;
+        core->message[end > 0 ? end - 1 : 0] = '\0';
+    }
+    core->message_status = status;
 }
 
 bool kernel_step(Core *core)

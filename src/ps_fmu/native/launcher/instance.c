@@ -76,16 +76,23 @@ static void pass_message(fmi2ComponentEnvironment environment, fmi2String name, 
         m->host.logger(m->host.componentEnvironment, name, status, category, message);
 }
 
+/* Safe as a printf format. */
+void instance_tell(const Instance *m, fmi2Status status, const char *text)
+{
+    const char *category = category_of(status);
+    Text safe = {0};
+    for (const char *at = text; *at != '\0'; at++)
+        text_add_bytes(&safe, *at == '%' ? "%%" : at, *at == '%' ? 2 : 1);
+    if (m->logging && m->host.logger != NULL && safe.data != NULL && is_wanted(m, category))
+        m->host.logger(m->host.componentEnvironment, m->name, status, category, safe.data);
+    text_free(&safe);
+}
+
 /* Report an error of the launcher on stderr and, if the host logs, to the host. */
 static void say(const Instance *m, const char *text)
 {
     fprintf(stderr, "%s: %s\n", m->name, text);
-    Text safe = {0};
-    for (const char *at = text; *at != '\0'; at++)
-        text_add_bytes(&safe, *at == '%' ? "%%" : at, *at == '%' ? 2 : 1);
-    if (m->logging && m->host.logger != NULL && safe.data != NULL && is_wanted(m, "logStatusError"))
-        m->host.logger(m->host.componentEnvironment, m->name, fmi2Error, "logStatusError", safe.data);
-    text_free(&safe);
+    instance_tell(m, fmi2Error, text);
 }
 
 fmi2Status instance_refuse(const Instance *m, const char *function, const char *reason)

@@ -50,6 +50,9 @@ void instance_forget_categories(Instance *m);
 /* What is wrong with two lists of n items, one of them perhaps of places for results; NULL: nothing. */
 const char *fault_of_values(size_t n, const void *references, const void *values);
 
+/* Pass a text on to the host, if it logs the category of this status. */
+void instance_tell(const Instance *m, fmi2Status status, const char *text);
+
 /* Tell an error of a function, to the host if it listens and in any case on stderr; fmi2Error. */
 fmi2Status instance_refuse(const Instance *m, const char *function, const char *reason);
 

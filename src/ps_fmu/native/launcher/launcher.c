@@ -168,11 +168,43 @@ ACCESS(SetReal, const fmi2Real, native_SetReal(c, vr, n, value))
 ACCESS(SetInteger, const fmi2Integer, native_SetInteger(c, vr, n, value))
 ACCESS(SetBoolean, const fmi2Boolean, native_SetBoolean(c, vr, n, value))
 
+/* Python renews the linear model, unless it is always the same. */
+fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReference unknown[], size_t n_unknown,
+                                        const fmi2ValueReference known[], size_t n_known, const fmi2Real direction[],
+                                        fmi2Real result[])
+{
+    static const fmi2ValueReference reference = LINEAR_REFERENCE;
+    const char *fault = fault_of_values(n_unknown, unknown, result);
+    if (fault == NULL)
+        fault = fault_of_values(n_known, known, direction);
+    if (fault == NULL && c != NULL && native_needs_linear(c)) {
+        ENTER(c, __func__);
+        fmi2String answer = NULL;
+        fmi2Status status = m->core != NULL ? wrapper.GetString(m->inner, &reference, 1, &answer) : fmi2OK;
+        if (status == fmi2OK && answer != NULL && answer[0] != '\0') { /* why there is no linear model now */
+            instance_tell(m, fmi2Discard, answer);
+            status = fmi2Discard;
+        }
+        leave(status);
+        if (status != fmi2OK)
+            return status == fmi2Fatal ? fmi2Error : status;
+    }
+    if (fault == NULL)
+        fault = native_differentiate(c, unknown, n_unknown, known, n_known, direction, result);
+    if (fault == NULL)
+        return fmi2OK;
+    if (fault == NOT_PROVIDED) {
+        instance_tell(c, fmi2Discard, fault);
+        return fmi2Discard;
+    }
+    return c != NULL ? instance_refuse(c, __func__, fault) : fmi2Error;
+}
+
 static const char *fault_of_references(size_t n, const fmi2ValueReference vr[])
 {
     for (size_t i = 0; i < n; i++)
-        if (vr[i] == CORE_REFERENCE)
-            return "there is no variable with value reference 2147483647";
+        if (vr[i] == CORE_REFERENCE || vr[i] == LINEAR_REFERENCE)
+            return "there is no variable with value references from 2147483646 on";
     return NULL;
 }
 

@@ -1,5 +1,6 @@
 #include "native.h"
 
+#include <float.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -57,6 +58,19 @@ double native_time(const Instance *m)
     return core != NULL ? core->time : m->time;
 }
 
+static int64_t bits_of(double value)
+{
+    int64_t bits;
+    memcpy(&bits, &value, sizeof bits);
+    return bits;
+}
+
+/* The bits of |value|, which are in the order of these sizes; those of what is no number are above all. */
+static int64_t size_bits(double value)
+{
+    return bits_of(value) & INT64_MAX;
+}
+
 /* Whether one of the calls is due before the next step, and can be made: the table has rows beyond it. */
 static bool has_call(const Core *core)
 {
@@ -79,19 +93,89 @@ NOT_INLINE static void make_call(Core *core)
 }
 
 /* The same conditions as in Stepper.do_step. */
+static bool is_expected(const Core *core, double time, double step)
+{
+    return fabs(time - core->time) <= core->time_slack && fabs(step - core->step) <= core->step_slack &&
+           time <= core->last_start;
+}
+
+/* The distance from a time to the next larger number, s. */
+static double find_spacing(double time)
+{
+    const int64_t bits = size_bits(time) + 1;
+    double next;
+    memcpy(&next, &bits, sizeof next);
+    return next - fabs(time);
+}
+
+/* As _compute_time_slack in stepper.py. */
+static double find_time_slack(double time, double step)
+{
+    const double usual = 1e-3 * step, least = 4.0 * find_spacing(time);
+    return usual > least ? usual : least;
+}
+
+/* As Stepper._check_step. */
+static bool is_possible(const Core *core, double time, double step)
+{
+    const double slack = find_time_slack(time, step);
+    return core->stepping && step > 0.0 && fabs(time - core->time) <= slack && time < time + step &&
+           time + step <= DBL_MAX && time <= core->stop - step + slack;
+}
+
+/* As Stepper._step_carefully, for slaves whose steps are the same whatever their size.  All or nothing. */
+NOT_INLINE static bool step_carefully(Core *core, double time, double step)
+{
+    if (!core->any_step || !is_possible(core, time, step))
+        return false;
+    const double origin = core->origin, step_before = core->step;
+    const int64_t count = core->count;
+    const double slack = find_time_slack(time, step_before);
+    if (!(fabs(step - step_before) <= SAME_STEP * step_before &&
+          fabs(origin + (double)count * step_before - time) <= slack)) {
+        core->origin = time;
+        core->step = step;
+        core->count = 0;
+    }
+    if (!kernel_step(core)) {
+        core->origin = origin;
+        core->step = step_before;
+        core->count = count;
+        return false;
+    }
+    core->time_slack = find_time_slack(time, core->step);
+    core->last_start = core->stop - core->step + core->time_slack;
+    core->step_slack = SAME_STEP * core->step;
+    return true;
+}
+
+/* Pass a warning of the step on. */
+NOT_INLINE static void pass_warning(const Instance *m, Core *core)
+{
+    core->message_status = MESSAGE_NONE;
+    char *text = formatted("%s: %s", core->label, core->message);
+    if (text != NULL)
+        instance_tell(m, fmi2Warning, text);
+    free(text);
+}
+
 bool native_step(Instance *m, double time, double step)
 {
     Core *core = words(m);
-    if (core == NULL || core->pending || !(fabs(time - core->time) <= core->time_slack) ||
-        !(fabs(step - core->step) <= core->step_slack) || !(time <= core->last_start))
+    if (core == NULL || core->pending)
         return false;
-    if (core->calls != NULL && has_call(core))
-        make_call(core);
-    if (!kernel_step(core))
+    if (is_expected(core, time, step)) {
+        if (core->calls != NULL && has_call(core))
+            make_call(core);
+        if (!kernel_step(core))
+            return false;
+    } else if (!step_carefully(core, time, step))
         return false;
     core->time = time + step;
     core->count++;
     core->native_steps++;
+    if (core->message_status != MESSAGE_NONE)
+        pass_warning(m, core);
     return true;
 }
 
@@ -103,19 +187,6 @@ static bool allows(const Core *core, fmi2ValueReference reference, uint8_t kind)
 static bool allows_value(const Core *core, fmi2ValueReference reference, uint8_t kind, double value)
 {
     return allows(core, reference, kind | CORE_SET) && core->low[reference] <= value && value <= core->high[reference];
-}
-
-static int64_t bits_of(double value)
-{
-    int64_t bits;
-    memcpy(&bits, &value, sizeof bits);
-    return bits;
-}
-
-/* The bits of |value|, which are in the order of these sizes; those of what is no number are above all. */
-static int64_t size_bits(double value)
-{
-    return bits_of(value) & INT64_MAX;
 }
 
 /* Whether two numbers differ, without arithmetic. */
@@ -269,6 +340,58 @@ bool native_SetReal(const Instance *m, const fmi2ValueReference vr[], size_t n, 
     for (size_t i = 0; i < n; i++)
         data[vr[i]] = value[i];
     return true;
+}
+
+bool native_needs_linear(const Instance *m)
+{
+    const Core *core = words(m);
+    return core == NULL || core->linear == NULL || !core->linear_holds;
+}
+
+/* The row of an unknown in the linear model; -1: none. */
+static int64_t find_row(const Core *core, fmi2ValueReference unknown)
+{
+    const int64_t reference = unknown, rate = reference - core->first_rate;
+    if (rate >= 0 && rate < core->n_rates)
+        return rate;
+    return reference < core->n_outputs && (core->kinds[reference] & CORE_REAL) ? core->n_rates + reference : -1;
+}
+
+/* The column of a known in the linear model; -1: none. */
+static int64_t find_column(const Core *core, fmi2ValueReference known)
+{
+    const int64_t state = (int64_t)known - core->n_outputs, input = (int64_t)known - core->first_input;
+    if (state >= 0 && state < core->n_rates)
+        return state;
+    return input >= 0 && input < core->n_inputs ? core->n_rates + input : -1;
+}
+
+const char NOT_PROVIDED[] = "a derivative is not provided: the output is not linear in an input, or depends on the step size";
+
+const char *native_differentiate(const Instance *m, const fmi2ValueReference unknown[], size_t n_unknown,
+                                 const fmi2ValueReference known[], size_t n_known, const fmi2Real direction[],
+                                 fmi2Real result[])
+{
+    const Core *core = words_in_any_phase(m);
+    if (core == NULL || core->linear == NULL)
+        return "this FMU does not support it";
+    for (size_t i = 0; i < n_unknown; i++)
+        if (find_row(core, unknown[i]) < 0)
+            return "an unknown is neither a Real output nor the derivative of a state";
+    for (size_t j = 0; j < n_known; j++)
+        if (find_column(core, known[j]) < 0)
+            return "a known is neither a state nor an input of the linear model";
+    const int64_t rows = core->n_rates + core->n_outputs;
+    for (size_t i = 0; i < n_unknown; i++) {
+        const double *row = core->linear + find_row(core, unknown[i]);
+        result[i] = 0.0;
+        for (size_t j = 0; j < n_known; j++)
+            if (direction[j] != 0.0)
+                result[i] += row[find_column(core, known[j]) * rows] * direction[j];
+        if (result[i] != result[i])
+            return NOT_PROVIDED;
+    }
+    return NULL;
 }
 
 fmi2Status ps_fmu_steps(fmi2Component c, int64_t *native, int64_t *python)

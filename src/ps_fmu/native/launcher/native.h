@@ -17,6 +17,16 @@ bool native_SetReal(const Instance *m, const fmi2ValueReference vr[], size_t n, 
 bool native_SetInteger(const Instance *m, const fmi2ValueReference vr[], size_t n, const fmi2Integer value[]);
 bool native_SetBoolean(const Instance *m, const fmi2ValueReference vr[], size_t n, const fmi2Boolean value[]);
 
+/* The derivative of some unknowns by some knowns in a direction, see core.h.  NULL, or what is wrong; NOT_PROVIDED: the FMU
+   has the variables, but not this derivative. */
+extern const char NOT_PROVIDED[];
+const char *native_differentiate(const Instance *m, const fmi2ValueReference unknown[], size_t n_unknown,
+                                 const fmi2ValueReference known[], size_t n_known, const fmi2Real direction[],
+                                 fmi2Real result[]);
+
+/* Whether it needs Python first: LINEAR_REFERENCE. */
+bool native_needs_linear(const Instance *m);
+
 /* End of the last successful step; NaN if that is not known. */
 double native_time(const Instance *m);
 

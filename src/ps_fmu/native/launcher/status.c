@@ -29,14 +29,6 @@ static fmi2Status not_supported(fmi2Component c, const char *function)
     return c != NULL ? instance_refuse(c, function, "this FMU does not support it") : fmi2Error;
 }
 
-fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReference unknown[], size_t n_unknown,
-                                        const fmi2ValueReference known[], size_t n_known, const fmi2Real direction[],
-                                        fmi2Real result[])
-{
-    (void)unknown, (void)n_unknown, (void)known, (void)n_known, (void)direction, (void)result;
-    return not_supported(c, __func__);
-}
-
 fmi2Status fmi2SetRealInputDerivatives(fmi2Component c, const fmi2ValueReference vr[], size_t n,
                                        const fmi2Integer order[], const fmi2Real value[])
 {

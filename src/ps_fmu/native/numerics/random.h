@@ -1,56 +1,5 @@
 /* Normal numbers by Box and Muller. */
 
-INLINE double from_bits(uint64_t bits)
-{
-    double x;
-    memcpy(&x, &bits, sizeof x);
-    return x;
-}
-
-INLINE uint64_t to_bits(double x)
-{
-    uint64_t bits;
-    memcpy(&bits, &x, sizeof bits);
-    return bits;
-}
-
-/* log(x), 2^-1000 < x < 2^1000: x = 2^k (1 + f) around 1, log(1 + f) = 2 artanh(f / (2 + f)). */
-INLINE double logarithm(double x)
-{
-    const uint64_t root = 0x3fe6a09e667f3bcdULL, one = 0x3ff0000000000000ULL, fraction = 0x000fffffffffffffULL;
-    const uint64_t t = to_bits(x) + (one - root);
-    const double k = from_bits(0x4330000000000000ULL | (t >> 52)) - (4503599627370496.0 + 1023.0);
-    const double f = from_bits((t & fraction) + root) - 1.0;
-    const double s = f / (2.0 + f), z = s * s;
-    double sum = 1.0 / 21.0;
-    for (int n = 19; n > 0; n -= 2) /* the next term is below 2e-17 */
-        sum = sum * z + 1.0 / n;
-    return k * 0.6931471805599453 + 2.0 * s * sum;
-}
-
-/* Cosine and sine of 2 pi v, |v| < 2^48: the nearest quarter of a turn, and the series of the rest. */
-INLINE void turn(double v, double *cosine, double *sine)
-{
-    static const double COSINE[] = {1.0 / 20922789888000.0, -1.0 / 87178291200.0, 1.0 / 479001600.0, -1.0 / 3628800.0,
-                                    1.0 / 40320.0, -1.0 / 720.0, 1.0 / 24.0, -0.5, 1.0};
-    static const double SINE[] = {-1.0 / 1307674368000.0, 1.0 / 6227020800.0, -1.0 / 39916800.0, 1.0 / 362880.0,
-                                  -1.0 / 5040.0, 1.0 / 120.0, -1.0 / 6.0, 1.0};
-    const double shifted = 4.0 * v + ROUND;
-    const uint64_t quarter = to_bits(shifted);
-    const double rest = (v - 0.25 * (shifted - ROUND)) * 6.283185307179586, square = rest * rest;
-    double c = COSINE[0], s = SINE[0];
-    for (int n = 1; n < 9; n++)
-        c = c * square + COSINE[n];
-    for (int n = 1; n < 8; n++)
-        s = s * square + SINE[n];
-    s = s * rest;
-    /* By each quarter, (c, s) becomes (-s, c). */
-    const uint64_t swapped = -(quarter & 1);
-    const uint64_t a = to_bits(c), b = to_bits(s), both = (a ^ b) & swapped;
-    *cosine = from_bits((a ^ both) ^ (((quarter + 1) & 2) << 62));
-    *sine = from_bits((b ^ both) ^ ((quarter & 2) << 62));
-}
-
 /* Pairs of normal numbers from pairs of numbers from 0 to below 1. */
 INLINE void make_normal(const double *u, const double *v, int64_t n, double *cosines, double *sines)
 {

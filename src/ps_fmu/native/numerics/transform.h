@@ -106,19 +106,20 @@ INLINE void pass(const Lanes *from, Lanes *to, int64_t n, int64_t s, const doubl
     }
 }
 
-/* Transforms n numbers in `a`; the result is in `a` or in `b`.  `roots`: exp(2 pi i k / 2n), k < 2n. */
-INSTRUCTIONS static Lanes *transform(Lanes *a, Lanes *b, int64_t n, const double *roots)
+/* Some passes of a transform of n numbers in `a`, of which those whose radices have the product *s are done; the result is
+   returned, in `a` or in `b`.  `roots`: exp(2 pi i k / 2n), k < 2n. */
+INSTRUCTIONS static Lanes *transform(Lanes *a, Lanes *b, int64_t n, const double *roots, int64_t *s, int64_t passes)
 {
-    for (int64_t s = 1; s < n;) {
-        const int64_t left = n / s;
+    for (; *s < n && passes > 0; passes--) {
+        const int64_t left = n / *s;
         const int radix = left % 5 == 0 ? 5 : left % 4 == 0 ? 4 : left % 3 == 0 ? 3 : 2;
         switch (radix) { /* each with its own code */
-        case 5: pass(a, b, n, s, roots, 5); break;
-        case 4: pass(a, b, n, s, roots, 4); break;
-        case 3: pass(a, b, n, s, roots, 3); break;
-        default: pass(a, b, n, s, roots, 2); break;
+        case 5: pass(a, b, n, *s, roots, 5); break;
+        case 4: pass(a, b, n, *s, roots, 4); break;
+        case 3: pass(a, b, n, *s, roots, 3); break;
+        default: pass(a, b, n, *s, roots, 2); break;
         }
-        s *= radix;
+        *s *= radix;
         Lanes *other = a;
         a = b;
         b = other;
@@ -126,12 +127,12 @@ INSTRUCTIONS static Lanes *transform(Lanes *a, Lanes *b, int64_t n, const double
     return a;
 }
 
-/* The spectrum of a phase, of n/2 + 1 numbers. */
-INLINE void fold(const Lines *l, const Lanes *terms, const double *turns, Lanes *spectrum, int64_t bins)
+/* Add some lines to the spectrum of a phase. */
+INLINE void fold(const Lines *l, const Lanes *terms, const double *turns, Lanes *spectrum, int64_t first, int64_t end)
 {
-    memset(spectrum, 0, sizeof *spectrum * (size_t)bins);
     for (const Run *run = l->runs; run < l->runs + l->n_runs; run++) {
-        for (int64_t i = run->first; i < run->end; i++) {
+        const int64_t last = run->end < end ? run->end : end;
+        for (int64_t i = run->first > first ? run->first : first; i < last; i++) {
             const Lanes line = multiply(terms[i], turns + 2 * i);
             Lanes *bin = spectrum + run->bin + (run->mirrored ? run->first - i : i - run->first);
             *bin = add(*bin, run->mirrored ? conjugate(line) : line);
@@ -151,12 +152,14 @@ INLINE void pair_up(Lanes *x, int64_t half, const double *roots)
     }
 }
 
-/* Samples with the sizes of their terms into rows `stride` apart, for so many terms and channels. */
-INLINE void store(const double *samples, const double *sizes, int64_t points, double *rows, int64_t stride,
-                  const int n_terms, const int channels)
+/* Samples from `first` to before `end` with the sizes of their terms into rows `stride` apart, for so many terms and
+   channels. */
+INLINE void store(const double *samples, const double *sizes, int64_t points, int64_t first, int64_t end, double *rows,
+                  int64_t stride, const int n_terms, const int channels)
 {
     const double gain = 1.0 / (double)points;
-    for (int64_t i = 0; i < points; i++, samples += LANES, rows += stride) {
+    samples += first * LANES, rows += first * stride;
+    for (int64_t i = first; i < end; i++, samples += LANES, rows += stride) {
         double sums[CHANNELS] = {0.0};
         for (int t = 0; t < n_terms; t++) {
             const double size = sizes[t * points + i] * gain;
@@ -168,17 +171,13 @@ INLINE void store(const double *samples, const double *sizes, int64_t points, do
     }
 }
 
-INSTRUCTIONS static void store_samples(const Lines *l, const double *terms, int64_t phase, int64_t group,
-                                     const double *sizes, double *room, double *rows)
+INSTRUCTIONS static void store_samples(const Lines *l, const double *samples, int64_t phase, int64_t group,
+                                       const double *sizes, int64_t first, int64_t end, double *rows)
 {
-    const int64_t half = l->points / 2, stride = l->phases * CHANNELS;
-    Lanes *a = (Lanes *)room, *b = a + half + 1;
-    fold(l, (const Lanes *)terms + group * l->n, l->turns + 2 * phase * l->n, a, half + 1);
-    pair_up(a, half, l->roots);
-    const double *samples = (const double *)transform(a, b, half, l->roots);
+    const int64_t stride = l->phases * CHANNELS;
     rows += phase * CHANNELS;
     if (l->n_terms == 1)
-        store(samples, sizes, l->points, rows, stride, 1, CHANNELS);
+        store(samples, sizes, l->points, first, end, rows, stride, 1, CHANNELS);
     else
-        store(samples, sizes, l->points, rows + group * (CHANNELS / 3), stride, 3, CHANNELS / 3);
+        store(samples, sizes, l->points, first, end, rows + group * (CHANNELS / 3), stride, 3, CHANNELS / 3);
 }

@@ -73,43 +73,66 @@ INLINE void add_part(const Turning *t, const double *angle, int64_t n, const dou
             wrench[c] += made[c][i];
 }
 
-INSTRUCTIONS static void add_turning(const Turning *t, const double *angle, int64_t n, const double *sizes,
-                                     int64_t n_terms, double *room, double *wrench)
+/* The last of ascending times (n), n >= 2, that is not after `at`, but not the last of all; the first where all are. */
+INLINE int64_t find_row(const double *time, int64_t n, double at)
 {
-    for (int64_t first = 0; first < n; first += PART) {
-        const double *const of_part[] = {sizes + first, sizes + n + first, sizes + 2 * n + first};
-        add_part(t, angle + first, n - first < PART ? n - first : PART, of_part, n_terms, room,
-                 wrench + first * CHANNELS);
+    int64_t low = 0, high = n - 1;
+    while (high - low > 1) {
+        const int64_t middle = low + (high - low) / 2;
+        if (time[middle] > at)
+            high = middle;
+        else
+            low = middle;
     }
+    return low;
 }
 
-INLINE double limit(double x, double upper)
+/* Angle since the first row of a table (SpeedTable of turning.py), and speed and acceleration. */
+INLINE double follow_table(const Profile *p, double time, double *speed, double *acceleration)
 {
-    return x < 0.0 ? 0.0 : x > upper ? upper : x;
+    const int64_t last = p->n_rows - 1, at = find_row(p->times, p->n_rows, time);
+    const double first = p->times[0], end = p->times[last], slope = p->slopes[at];
+    const double held = time < first ? first : time > end ? end : time, since = held - p->times[at];
+    const double before = time - first < 0.0 ? time - first : 0.0, after = time - end > 0.0 ? time - end : 0.0;
+    *speed = time >= end ? p->speeds[last] : time < first ? p->speeds[0] : slope * since + p->speeds[at];
+    *acceleration = time >= first && time < end ? slope : 0.0;
+    return p->turned[at] + since * (p->speeds[at] + 0.5 * slope * since) + p->speeds[0] * before +
+           p->speeds[last] * after;
 }
 
-/* Speed and angle as SpeedProfile of speed.py, sizes as those of wheels.py; how many sums they need. */
-INLINE int64_t follow(const Profile *p, const double *time, int64_t n, double *angle, double (*sizes)[PART])
+/* The same of SpeedProfile, since t = 0. */
+INLINE double follow_ramp(const Profile *p, double time, double *speed, double *acceleration)
 {
     const double change = p->final - p->initial, rate = p->duration > 0.0 ? change / p->duration : 0.0;
     const double per_square = p->duration > 0.0 ? 0.5 / p->duration : 0.0;
+    const double since = time - p->start, within = limit(since, p->duration);
+    const bool before = since < 0.0, after = since >= p->duration;
+    const double beyond = after ? since - p->duration : 0.0;
+    const double turned = within * within * per_square + (beyond > 0.0 ? beyond : 0.0);
+    *speed = before ? p->initial : after ? p->final : p->initial + rate * since;
+    *acceleration = before || after ? 0.0 : rate;
+    return p->initial * time + (change != 0.0 ? change * turned : 0.0); /* it may be infinite */
+}
+
+/* Angles, and the sizes of the sums: with e = (cos, sin) and d = (-sin, cos) of h angle, of the harmonic h it is
+   -(R e/h^2)'' = R W^2 e - (R W' + 2 R' W) d/h - R'' e/h^2.  Returns how many sums there are. */
+INLINE int64_t follow(const Profile *p, const double *time, int64_t n, double *angle, double (*sizes)[PART])
+{
+    double speed[PART], acceleration[PART], x[PART], value[PART], slope[PART], bend[PART];
     bool changing = false, bent = false;
+    if (p->n_rows > 0)
+        for (int64_t i = 0; i < n; i++)
+            angle[i] = follow_table(p, time[i], &speed[i], &acceleration[i]) - p->turned_before;
+    else
+        for (int64_t i = 0; i < n; i++)
+            angle[i] = follow_ramp(p, time[i], &speed[i], &acceleration[i]);
+    for (int64_t i = 0; i < n; i++)
+        x[i] = limit(time[i] / p->rise_time, 1.0);
+    rise(x, n, value, slope, bend);
     for (int64_t i = 0; i < n; i++) {
-        const double t = time[i], since = t - p->start, within = limit(since, p->duration);
-        const bool before = since < 0.0, after = since >= p->duration;
-        const double beyond = after ? since - p->duration : 0.0;
-        const double turned = within * within * per_square + (beyond > 0.0 ? beyond : 0.0);
-        angle[i] = p->initial * t + (change != 0.0 ? change * turned : 0.0); /* it may be infinite */
-        const double speed = before ? p->initial : after ? p->final : p->initial + rate * since;
-        const double acceleration = before || after ? 0.0 : rate;
-        /* The polynomials of smooth.py. */
-        const double x = limit(t / p->rise_time, 1.0), x3 = x * x * x;
-        const double value = ((((70.0 * x - 315.0) * x + 540.0) * x - 420.0) * x + 126.0) * (x3 * x * x);
-        const double slope = ((((630.0 * x - 2520.0) * x + 3780.0) * x - 2520.0) * x + 630.0) * (x3 * x);
-        const double bend = ((((5040.0 * x - 17640.0) * x + 22680.0) * x - 12600.0) * x + 2520.0) * x3;
-        sizes[0][i] = value * speed * speed;
-        sizes[1][i] = -(value * acceleration + 2.0 * speed * (slope / p->rise_time));
-        sizes[2][i] = -bend / (p->rise_time * p->rise_time);
+        sizes[0][i] = value[i] * speed[i] * speed[i];
+        sizes[1][i] = -(value[i] * acceleration[i] + 2.0 * speed[i] * (slope[i] / p->rise_time));
+        sizes[2][i] = -bend[i] / (p->rise_time * p->rise_time);
     }
     for (int64_t i = 0; i < n; i++) {
         changing = changing || sizes[1][i] != 0.0;
@@ -118,14 +141,14 @@ INLINE int64_t follow(const Profile *p, const double *time, int64_t n, double *a
     return bent ? 3 : changing ? 2 : 1;
 }
 
-INSTRUCTIONS static void add_wheel(const Turning *t, const Profile *profile, const double *time, int64_t n,
-                                   double *room, double *wrench)
+INSTRUCTIONS static void add_wheel(void *source, const double *time, int64_t n, double *rows)
 {
+    const Wheel *w = source;
     double angle[PART], sizes[3][PART];
     const double *const all[] = {sizes[0], sizes[1], sizes[2]};
     for (int64_t first = 0; first < n; first += PART) {
         const int64_t m = n - first < PART ? n - first : PART;
-        const int64_t n_terms = follow(profile, time + first, m, angle, sizes);
-        add_part(t, angle, m, all, n_terms, room, wrench + first * CHANNELS);
+        const int64_t n_terms = follow(&w->profile, time + first, m, angle, sizes);
+        add_part(&w->turning, angle, m, all, n_terms, w->room, rows + first * CHANNELS);
     }
 }

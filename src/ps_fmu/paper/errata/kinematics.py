@@ -8,11 +8,11 @@ from functools import partial
 import numpy as np
 
 from ...control.commander import DEFAULT_ALGORITHM_1
-from ...mechanism.dynamics import Pose, leg_mass
-from ...mechanism.inverse_kinematics import Solver, descend, inverse_kinematics, step_size_bound, trilaterate
+from ...mechanism.dynamics import Pose, payload_mass
+from ...mechanism.inverse_kinematics import TRILATERATION, Method, inverse_kinematics, make_algorithm_1, step_size_bound
 from ...mechanism.kinematics import displacements, forward_kinematics, leg_lengths, leg_vectors
 from ...mechanism.parameters import Array, CoarseLeg, LegPart
-from ...mechanism.rotations import rotation_from_vector, rotation_matrix
+from ...mechanism.rotations import roll_pitch_yaw, rotation_from_vector, rotation_matrix
 from ...theory.transfer_matrices import Nominal
 from ..bus_cases import assemble_nominal
 from ..figures.fig06 import compute_reach
@@ -54,7 +54,7 @@ def rotation() -> Erratum:
     one_by_one, R = yaw @ pitch @ roll, rotation_matrix(angles)
     transposed = np.swapaxes(R, -1, -2)
     coarse, wrong = (
-        displacements(geometry, trilaterate(geometry, matrix).translation_B, matrix)[: len(of_table_2), :3]
+        inverse_kinematics(geometry, roll_pitch_yaw(matrix)).coarse_displacement[: len(of_table_2)]
         for matrix in (R, transposed)
     )
     off_mm = 1e3 * np.abs(wrong - coarse).max()
@@ -78,11 +78,11 @@ def algorithm_1() -> Erratum:
     orientation, pose = surface.orientation[some], surface.pose
     bounds = [step_size_bound(geometry, t, R) for t, R in zip(pose.translation_B[some], pose.R[some], strict=True)]
     smallest, largest = (published_numbers()[f"fig7.{name}"].value for name in ("smallest_error", "error"))
-    needed = _orientation_error(orientation, partial(descend, epsilon=EPSILON_AS_PUBLISHED))
+    needed = _orientation_error(orientation, make_algorithm_1(epsilon=EPSILON_AS_PUBLISHED))
     return make_erratum(
         "Algorithm 1",
-        _orientation_error(orientation, trilaterate),
-        _orientation_error(orientation, partial(descend, epsilon=EPSILON)),
+        _orientation_error(orientation, TRILATERATION),
+        _orientation_error(orientation, make_algorithm_1(epsilon=EPSILON)),
         epsilon=EPSILON, orientations=len(orientation), fine=EPSILON_AS_PUBLISHED, needed=needed, smallest=smallest,
         largest=largest, lowest_bound=min(bounds), highest_bound=max(bounds), below=_contraction(0.95),
         above=_contraction(1.05),
@@ -92,10 +92,10 @@ def algorithm_1() -> Erratum:
 ENTRIES = (partial(make_erratum, "(5)"), base_term, rotation, fine_displacement, algorithm_1)
 
 
-def _orientation_error(orientation: Array, solver: Solver) -> float:
+def _orientation_error(orientation: Array, method: Method) -> float:
     """Largest error, deg, if the coarse legs have the lengths found and the fine legs their nominal ones."""
     geometry = case.parameters().manipulator.geometry
-    found = inverse_kinematics(geometry, orientation, solver)
+    found = inverse_kinematics(geometry, orientation, method)
     lengths = geometry.nominal_lengths + np.pad(found.coarse_displacement, ((0, 0), (0, 3)))
     return float(np.degrees(np.abs(forward_kinematics(geometry, lengths).orientation - orientation).max()))
 
@@ -139,7 +139,8 @@ def spin_of_a_leg() -> Erratum:
 def angular_velocity() -> Erratum:
     """(A11): kinetic energy of the legs while the fine legs move, base and coarse legs at rest."""
     geometry, pose, legs = case.parameters().manipulator.geometry, case.pose(), _legs()
-    twist = np.random.default_rng(case.SEED).normal(size=(8, 3)) @ case.dynamics().jacobians.J_pf.T
+    d, rates = case.dynamics(), np.random.default_rng(case.SEED).normal(size=(8, 3))
+    J, twist = d.jacobians, rates @ d.jacobians.J_pf.T
     upper, lower = (np.array([getattr(leg, end).com_distance for leg in legs])[:, None] for end in ("upper", "lower"))
 
     def places(t: float) -> Array:
@@ -155,7 +156,8 @@ def angular_velocity() -> Erratum:
         inertia = leg.upper.radial_inertia + leg.lower.radial_inertia
         energy += 0.5 * (leg.upper.mass * v_upper[:, k] + leg.lower.mass * v_lower[:, k] + inertia * turning[:, k])
 
-    right = 0.5 * np.sum(twist @ leg_mass(legs, geometry, pose.translation_B, pose.rotation_BP).alpha * twist, axis=1)
+    of_payload = J.J_pf.T @ payload_mass(case.parameters().payload, pose.rotation_BP) @ J.J_pf
+    right = 0.5 * np.sum(rates @ (d.M[d.slices["d_f"], d.slices["d_f"]] - of_payload) * rates, axis=1)
     printed = right.copy()
     for k, length in enumerate(leg_lengths(geometry, pose.translation_B, pose.rotation_BP)[:3]):
         body = _one_body(legs[k], length).lower

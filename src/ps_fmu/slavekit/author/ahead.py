@@ -4,15 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Generator
 
-import numpy as np
-
-from ...numerics.calls import Calls
 from .buffer import Array
-from .core import Core
 
-RowParts = Generator[int | Calls, None, Array]
-"""Rows of a table as a generator: after each part of its work it yields how many are to come, or calls that it wants to
-be made before it goes on; it returns the rows.  Memory that calls touch lives as long as they."""
+RowParts = Generator[int, None, Array]
+"""Rows of a table as a generator: after each part of its work it yields how many are to come; it returns the rows."""
 
 _Key = tuple[float, int, float, int]
 
@@ -30,19 +25,13 @@ def finish(rows: Array | RowParts) -> Array:
 
 
 class TableAhead:
-    """One table under way.  Its key is all that it depends on: origin (s), first count, step (s), number of rows.
+    """One table under way.  Its key is all that it depends on: origin (s), first count, step (s), number of rows."""
 
-    Calls that wait are in the words of the core: the launcher makes them, too.
-    """
-
-    def __init__(self, core: Core) -> None:
-        self._core = core
+    def __init__(self) -> None:
         self.drop()
 
     def drop(self) -> None:
         """Forget it: what it was made from has changed."""
-        self._core.calls = None  # before their memory goes
-        self._calls: Calls | None = None
         self._key: _Key | None = None
         self._parts: RowParts | None = None
         self._table: Array | None = None
@@ -59,21 +48,12 @@ class TableAhead:
         """
         if self._parts is None:
             return 0
-        calls = self._calls
         try:
-            if calls is None or not calls.left:
-                return self._note(next(self._parts))
-            calls.make_next()
-            return calls.left + calls.later
+            return max(int(next(self._parts)), 1)
         except StopIteration as end:
-            table = end.value
-            self._end()
-            self._table = table
+            self._table, self._parts = end.value, None
         except Exception:
             self.drop()
-        except BaseException:  # Ctrl-C: a call may be counted that was not made
-            self.drop()
-            raise
         return 0
 
     def take(self, key: _Key) -> Array | None:
@@ -83,14 +63,3 @@ class TableAhead:
         if key != found:
             return None
         return table if parts is None else finish(parts)
-
-    def _note(self, part: int | Calls) -> int:
-        """What the generator has yielded; how many parts are still to come."""
-        if isinstance(part, (int, np.integer)):
-            self._core.calls, self._calls = None, None
-            return max(int(part), 1)
-        self._core.calls, self._calls = part.address, part
-        return part.left + part.later
-
-    def _end(self) -> None:
-        self._core.calls, self._calls, self._parts = None, None, None

@@ -25,7 +25,7 @@ _LARGEST = float(np.finfo(np.float64).max)
 
 
 class BufferLayout:
-    """The buffer ``[y outputs|x states|u inputs|a auxiliary|r row|event inputs|parameters|memory]``.
+    """The buffer ``[y outputs|x states|u inputs|a auxiliary|r row|other inputs|parameters|memory]``.
 
     ``y`` and ``x`` are adjacent, and so are ``x``, ``u``, ``a`` and ``r``: a step is ``[y; x] <- M @ [x; u; a; r]``.
     Booleans and Integers are kept as doubles.  Strings live in a list outside; their references follow the
@@ -43,14 +43,16 @@ class BufferLayout:
         n_auxiliary: int,
         n_memory: int,
         n_row: int = 0,
+        n_rates: int = 0,
     ) -> None:
         self.model = model
         self.ports = tuple(ports)
         self.strings = [port for port in self.ports if port.type == "String"]
         numeric = [port for port in self.ports if port.type != "String"]
         outputs = [port for port in numeric if port.causality == "output"]
-        inputs = [port for port in numeric if port.causality == "input" and not port.event]
-        events = [port for port in numeric if port.causality == "input" and port.event]
+        every_input = [port for port in numeric if port.causality == "input"]
+        inputs = [port for port in every_input if port.type == "Real" and not port.event]
+        events = [port for port in every_input if port not in inputs]
         parameters = [port for port in numeric if port.causality == "parameter"]
 
         sizes = [len(outputs), n_states, len(inputs), n_auxiliary, n_row, len(events), len(parameters), n_memory]
@@ -67,6 +69,12 @@ class BufferLayout:
         for region, group in zip(regions, (outputs, (), inputs, (), (), events, parameters, ()), strict=True):
             self.by_reference |= dict(enumerate(group, region.start))
         self.by_reference |= dict(enumerate(self.strings, self.size))
+        # Only for directional derivatives: states, and behind everything their rates, which lie in no buffer.
+        self.first_rate: int = self.size + len(self.strings)
+        self.rates = [Port(f"der(x[{i}])", "local", description=f"Rate of state {i}") for i in range(1, n_rates + 1)]
+        states = [Port(f"x[{i}]", "local", description=f"State {i}") for i in range(1, n_rates + 1)]
+        self.local = (*states, *self.rates)
+        self.by_reference |= dict(enumerate(states, self.x.start)) | dict(enumerate(self.rates, self.first_rate))
         self.reference = {port.name: reference for reference, port in self.by_reference.items()}
         self._check()
         self._list_access()
@@ -121,7 +129,7 @@ class BufferLayout:
                 if name == names or (name.startswith(names) and _ONE_LEVEL.fullmatch(name, len(names)))
             ]
             if not found:
-                raise KeyError(f"{self.model} has no variable {names!r}, {names}.* or {names}_1 ...")
+                raise KeyError(f"there is no variable {names!r}, {names}.* or {names}_1 ... in {self.model}")
         else:
             found = list(names)
         references = [self.find(name) for name in found]
@@ -142,7 +150,7 @@ class BufferLayout:
         try:
             return self.reference[name]
         except KeyError:
-            raise KeyError(f"{self.model} has no variable {name!r}") from None
+            raise KeyError(f"there is no variable {name!r} in {self.model}") from None
 
 
 def allocate_aligned(*shape: int) -> Array:
@@ -172,7 +180,7 @@ class Buffer:
         self.strings = [str(port.start) for port in layout.strings]
         self._groups: dict[str, list[int]] = {}
         for reference, port in layout.by_reference.items():
-            if port.causality != "output" and reference < layout.size:
+            if port.causality in ("input", "parameter") and reference < layout.size:
                 self.data[reference] = float(port.start)
 
     def raw(self, reference: int) -> float | str:

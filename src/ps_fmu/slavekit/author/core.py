@@ -9,20 +9,22 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable, Sequence
-from ctypes import PYFUNCTYPE, c_bool, c_char_p, c_double, c_int64, c_uint64, c_void_p
+from ctypes import PYFUNCTYPE, c_bool, c_char, c_char_p, c_double, c_int64, c_uint64, c_void_p
 from dataclasses import dataclass
+from math import inf
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...numerics.library import find_library
-from .blocks import Matrix
+from .blocks import MapWords, Matrices, Matrix
 from .buffer import Array, BufferLayout, allocate_aligned
 from .instructions import Instruction, Kind, find_address, find_spans, write_words
 
-REFERENCE = 2**31 - 1
-"""Value reference of a String that no description lists: the address of the core."""
+REFERENCE, LINEAR_REFERENCE = 2**31 - 1, 2**31 - 2
+"""Value references of Strings that no description lists: the address of the core; nothing, and the linear model in the
+core is renewed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,10 +46,13 @@ class Elements:
         self.words = write_words(self.before), write_words(self.after)
 
 
-_MAGIC = 0x37302D65726F63  # "core-07"
+_MAGIC = 0x39302D65726F63  # "core-09"
 NOTHING, MAP, TABLE = range(3)
 FOUND_DUE = 2
 """Value of ``pending`` if an element has found, before the map, that an event is due before this step."""
+
+MESSAGE_NONE, MESSAGE_WARNING, MESSAGE_REFUSAL = 0, 1, 3
+"""Values of ``message_status``."""
 
 _MOST_MAPS = 2
 _STEP = PYFUNCTYPE(c_bool, c_char_p, c_void_p)  # keeps Python's lock: to give it up takes as long as a step
@@ -55,15 +60,6 @@ _STEP = PYFUNCTYPE(c_bool, c_char_p, c_void_p)  # keeps Python's lock: to give i
 Step = Callable[[], bool]
 """Makes a plain step.  False, and nothing in the buffer has changed: no row is left; a number is not finite, of the
 result, in ``work``, or of an element; or an element has found that an event is due before the step: FOUND_DUE."""
-
-
-class MapWords(ctypes.Structure):
-    """The structure ``Map`` in ``native/kernel/core.h``."""
-
-    _fields_ = (
-        ("source", c_void_p), ("target", c_void_p), ("work", c_void_p), ("n_target", c_int64), ("n_blocks", c_int64),
-        ("blocks", c_void_p), ("columns", c_void_p), ("numbers", c_void_p),
-    )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,11 +80,10 @@ class Map:
 
     def write_words(self) -> MapWords:
         """For the kernel; the arrays have to be kept as long."""
-        matrix, pattern = self.matrix, self.matrix.pattern
-        return MapWords(
-            *map(find_address, (self.source, self.target, self.work)), self.target.size, len(pattern.words),
-            *pattern.addresses, find_address(matrix.numbers),
-        )  # fmt: skip
+        matrix = self.matrix
+        source, target, work = (find_address(array) for array in (self.source, self.target, self.work))
+        parts = [find_address(array) for array in (matrix.blocks, matrix.columns, matrix.numbers)]
+        return MapWords(source, target, work, self.target.size, len(matrix.blocks), *parts)
 
 
 class Core(ctypes.Structure):
@@ -112,6 +107,10 @@ class Core(ctypes.Structure):
         ("time_slack", c_double), ("step_slack", c_double), ("last_start", c_double),
         ("count", c_int64), ("block", c_int64),
         ("native_steps", c_int64), ("python_steps", c_int64),
+        ("any_step", c_int64), ("origin", c_double), ("stop", c_double),
+        ("message_status", c_int64), ("message", c_char * 512), ("label", c_char_p),
+        ("linear", c_void_p), ("linear_holds", c_int64),
+        *((name, c_int64) for name in ("n_rates", "first_rate", "n_outputs", "first_input", "n_inputs")),
     )  # fmt: skip
 
     arrays: dict[str, NDArray[Any]]
@@ -157,6 +156,13 @@ class Core(ctypes.Structure):
         """No step is a plain one."""
         self.plain = NOTHING
 
+    def use_linear(self, matrices: Matrices, holds: bool) -> None:
+        """The linear model for directional derivatives; ``holds``: whatever the state is, until ``remap``."""
+        A, B, C, D = matrices
+        by_columns = np.vstack([np.hstack([A, B]), np.hstack([C, D])]).T
+        self._point(linear=np.ascontiguousarray(by_columns, dtype=np.float64))
+        self.linear_holds = holds
+
     def use_limits(self, limits: OutputLimits | None) -> None:
         """The result of a plain step is held within these."""
         self.n_limited = 0
@@ -191,7 +197,10 @@ def make_core(layout: BufferLayout, data: Array) -> Core:
     core.magic, core.size = _MAGIC, ctypes.sizeof(Core)
     source, target = data[layout.source], data[layout.target]
     core.n_references, core.n_target = data.size, target.size
-    core.step_slack = -1.0
+    core.step_slack, core.stop = -1.0, inf
+    core.n_rates, core.first_rate = len(layout.rates), layout.first_rate
+    core.n_outputs, core.first_input = layout.y.stop, layout.u.start
+    core.n_inputs = layout.u.stop - layout.u.start
     core.n_row = data[layout.r].size
     core.n_rows = 2**62  # without tables, they do not end
     core.watching = 1

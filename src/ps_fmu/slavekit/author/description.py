@@ -16,6 +16,7 @@ from xml.etree.ElementTree import Element, SubElement, tostring
 from pythonfmu.default_experiment import DefaultExperiment
 
 from ... import __version__
+from .buffer import BufferLayout
 from .units import define_units
 from .values import Values
 from .variables import Port, make_fmi_variable
@@ -45,7 +46,7 @@ def model_description(slave: Values, pythonfmu_xml: Callable[[dict[str, str]], E
     pythonfmu_xml: pythonfmu's own ``to_xml``, bound to it.
     """
     slave.vars.clear()
-    for port in slave.layout.ports:
+    for port in (*slave.layout.ports, *slave.layout.local):
         reference = slave.layout.reference[port.name]
         slave.vars[reference] = make_fmi_variable(port, reference)
     slave.description = slave.model_description or None
@@ -53,11 +54,14 @@ def model_description(slave: Values, pythonfmu_xml: Callable[[dict[str, str]], E
     slave.default_experiment = DefaultExperiment(0.0, slave.default_stop, slave.default_step)
 
     root = pythonfmu_xml({name: str(value).lower() for name, value in CAPABILITIES.items()})
+    if slave.provides_derivatives:
+        _find_child(root, "CoSimulation").set("providesDirectionalDerivative", "true")
     root.set("generationTool", f"ps_fmu {__version__} with {root.get('generationTool')}")
     root.set("generationDateAndTime", _get_date().strftime("%Y-%m-%dT%H:%M:%SZ"))
     units = define_units(_list_units(slave.layout.ports))
     root.insert(list(root).index(_find_child(root, "CoSimulation")) + 1, units)
-    _fill_structure(_find_child(root, "ModelStructure"), slave.layout.ports)
+    _fill_structure(_find_child(root, "ModelStructure"), slave.layout)
+    _mark_derivatives(_find_child(root, "ModelVariables"), slave.layout)
     root.set("guid", "")
     root.set("guid", make_guid(hashlib.sha256(tostring(root)).digest()))
     return root
@@ -85,17 +89,29 @@ def _find_child(root: Element, tag: str) -> Element:
     return child
 
 
-def _fill_structure(structure: Element, ports: tuple[Port, ...]) -> None:
-    """Outputs and InitialUnknowns, ascending.  An index is a variable's place in ModelVariables, from 1."""
-    index = {port.name: i for i, port in enumerate(ports, 1)}
+def _mark_derivatives(variables: Element, layout: BufferLayout) -> None:
+    """Of which variable each of the last ones is the derivative; as an index, see :func:`_fill_structure`."""
+    n, first = len(layout.rates), len(layout.ports) + 1
+    for k, variable in enumerate(list(variables)[len(variables) - n :]):
+        variable[0].set("derivative", str(first + k))
+
+
+def _fill_structure(structure: Element, layout: BufferLayout) -> None:
+    """Outputs, Derivatives, InitialUnknowns, ascending.  An index is a variable's place in ModelVariables, from 1."""
+    variables = (*layout.ports, *layout.local)
+    index = {port.name: i for i, port in enumerate(variables, 1)}
+    outputs = [port for port in layout.ports if port.causality == "output"]
     structure.clear()
-    for tag in ("Outputs", "InitialUnknowns"):
-        unknowns = [port for port in ports if port.causality == "output"]
+    for tag, unknowns in (
+        ("Outputs", outputs), ("Derivatives", layout.rates), ("InitialUnknowns", [*outputs, *layout.local])
+    ):  # fmt: skip
         if not unknowns:
-            return
+            continue
         element = SubElement(structure, tag)
         for port in unknowns:
-            known = port.depends_on if tag == "Outputs" else port.initially_depends_on
+            known = port.initially_depends_on if tag == "InitialUnknowns" else port.depends_on
+            if port.causality == "local":
+                known = None
             unknown = SubElement(element, "Unknown", index=str(index[port.name]))
             if known is not None:
                 unknown.set("dependencies", " ".join(map(str, sorted(index[name] for name in known))))

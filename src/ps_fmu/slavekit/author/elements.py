@@ -10,6 +10,7 @@ number for all values, or one for each.  A step in which any number is not finit
 
 from __future__ import annotations
 
+import ctypes
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -145,9 +146,9 @@ class Linear(Element):
         target, source = find.targets("target", self.target), find.places("source", self.source)
         matrix = np.asarray(self.matrix, dtype=np.float64)
         if matrix.shape != (target.size, source.size):
-            raise ValueError(f"matrix has shape {matrix.shape}; expected {(target.size, source.size)}")
+            raise ValueError(f"matrix is of shape {matrix.shape}; expected {(target.size, source.size)}")
         if not np.isfinite(matrix).all():
-            raise ValueError("matrix has elements that are not finite")
+            raise ValueError("matrix contains numbers that are not finite")
         entries = max(int(np.count_nonzero(matrix, axis=1).max()), 1)
         if target.size * entries <= _SPARSE * source.size:
             return _instruct_sparse(target, source, matrix, entries)
@@ -308,6 +309,34 @@ class Count(Element):
         high = find.constants("above", self.above, n, finite=False)
         kept = find.memory("kept", self.kept, 2 * n)
         return Instruction(Kind.COUNT, target, source, kept, high=high, n=n, n_source=target.size)
+
+
+@dataclass(frozen=True, eq=False)
+class Call(Element):
+    """A compiled function, see ``Function`` in ``native/kernel/core.h``: it reads the buffer and writes ``target``.
+
+    It may refuse the step, or complete it: neither the map nor further elements follow then.  What changes from step to
+    step lies in the buffer, among the targets: so the kernel undoes it, and the FMU state contains it.
+    """
+
+    function: int
+    """Its address, for example ``ctypes.cast(library.name, ctypes.c_void_p).value``."""
+    arguments: ctypes.Structure
+    """Constants, places, and caches: functions of constants and of the buffer, with their keys beside them."""
+    target: Operand | None = None
+    """All places of the buffer that the function writes; None: caches alone."""
+    kept: object = None
+    """What ``arguments`` point to; it lives as long as the element."""
+
+    def instruct(self, find: Finder) -> Instruction:
+        if not (isinstance(self.function, int) and self.function):
+            raise ValueError(f"function: expected the address of a compiled function, got {self.function!r}")
+        if not isinstance(self.arguments, ctypes.Structure):
+            raise ValueError(f"arguments: expected a ctypes.Structure, got a {type(self.arguments).__name__}")
+        target = None if self.target is None else find.targets("target", self.target)
+        self.arguments.kept = self.kept
+        n = 0 if target is None else target.size
+        return Instruction(Kind.CALL, target, n=n, function=self.function, arguments=self.arguments)
 
 
 def _instruct_sparse(target: Places, source: Places, matrix: Array, entries: int) -> Instruction:

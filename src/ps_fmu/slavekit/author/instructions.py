@@ -27,7 +27,7 @@ DELAY_NEWEST, DELAY_OUT, DELAY_AGE, DELAY_NEWEST_AGE, DELAY_RING = range(5)
 class Kind(IntEnum):
     """As in ``native/kernel/core.h``."""
 
-    SAMPLE, RAMP, PRODUCT, LINEAR, CLIP, EXCESS, SINE, QUANTISE, HOLD, DELAY, WATCH, COUNT, SPARSE = range(1, 14)
+    SAMPLE, RAMP, PRODUCT, LINEAR, CLIP, EXCESS, SINE, QUANTISE, HOLD, DELAY, WATCH, COUNT, SPARSE, CALL = range(1, 15)
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +47,9 @@ class Instruction:
     clock: int = -1
     time: float = 0.0
     """Period or delay, s."""
+    function: int | None = None
+    """Address of a compiled function."""
+    arguments: ctypes.Structure | None = None
 
     def list_writes(self) -> list[int]:
         """Places that it writes, without a ring."""
@@ -78,6 +81,7 @@ class Words(ctypes.Structure):
         ("kind", c_int64), ("n", c_int64),
         ("source", c_void_p), ("second", c_void_p), ("target", c_void_p), ("low", c_void_p), ("high", c_void_p),
         ("matrix", c_void_p), ("stride", c_int64), ("n_source", c_int64), ("clock", c_int64), ("time", c_double),
+        ("function", c_void_p), ("arguments", c_void_p),
     )  # fmt: skip
 
 
@@ -87,7 +91,8 @@ def write_words(instructions: Sequence[Instruction]) -> ctypes.Array[Words]:
     for k, e in enumerate(instructions):
         stride = 0 if e.matrix is None else e.matrix.shape[1]
         addresses = (find_address(array) for array in (e.source, e.second, e.target, e.low, e.high, e.matrix))
-        words[k] = Words(e.kind, e.n, *addresses, stride, e.n_source, e.clock, e.time)
+        given = None if e.arguments is None else ctypes.addressof(e.arguments)
+        words[k] = Words(e.kind, e.n, *addresses, stride, e.n_source, e.clock, e.time, e.function, given)
     return words
 
 

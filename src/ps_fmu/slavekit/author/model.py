@@ -8,9 +8,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import ClassVar
 
+import numpy as np
 from pythonfmu.fmi2slave import Fmi2Slave
 
 from .ahead import RowParts
+from .blocks import Matrices
 from .buffer import Array
 from .elements import Element
 from .terminals import Terminal
@@ -36,6 +38,8 @@ class Model(Fmi2Slave):
     terminals: ClassVar[tuple[Terminal, ...]] = ()
     n_states: ClassVar[int] = 0
     """Size of x.  Fixed: a mode that is switched off keeps its place, with zeros."""
+    provides_derivatives: ClassVar[bool] = False
+    """True: hosts may ask for directional derivatives, by :meth:`linearise`; ``x[i]``, ``der(x[i])`` are variables."""
     n_auxiliary: ClassVar[int] = 0
     n_memory: ClassVar[int] = 0
     """Further numbers that events keep; part of the FMU state."""
@@ -45,6 +49,12 @@ class Model(Fmi2Slave):
     """Above 0: a step takes the next row of a table of up to so many rows, see :meth:`rows`."""
     n_row: ClassVar[int] = 0
     """Size of r, a row that the map takes.  0, with ``block_rows``: rows are the outputs; no states, no map."""
+
+    any_step: ClassVar[bool] = False
+    """True: one map and one list of elements, of ``default_step``, serve steps of any size.
+
+    What depends on the size is done by elements, which read it from the core.
+    """
 
     model_description: ClassVar[str] = ""
     default_step: ClassVar[float] = 1e-4  # s
@@ -72,14 +82,41 @@ class Model(Fmi2Slave):
     def output_map(self) -> Array | None:
         """Return the map from [x; u; a] to the outputs, (ny, nx + nu + na); None: ``configure`` sets y itself.
 
-        May have fewer columns: the last operands are then not used.
+        May have fewer columns: the last operands are then not used.  By default, that of :meth:`continuous`.
+        """
+        matrices = self.continuous()
+        return None if matrices is None else np.hstack(matrices[2:])
+
+    def continuous(self) -> Matrices | None:
+        """Return A, B, C, D of ``x' = A x + B [u; a]``, ``y = C x + D [u; a]``; None: ``step_map`` is used instead.
+
+        Shapes (nx, nx), (nx, nu + na), (ny, nx), (ny, nu + na).  Inputs are held over a step, whose map is made without
+        Python for whatever size the host asks for; the class then has ``any_step``.
         """
         return None
 
-    def step_map(self, h: float) -> Array:
+    def linearise(self) -> tuple[Matrices, Array]:
+        """Return A, B, C, D of the present system about its present state, and the rates of its states (nx,).
+
+        States x, inputs u, outputs y at the end of a short step with these inputs: shapes (nx, nx), (nx, nu), (ny, nx),
+        (ny, nu).  NaN: this derivative is not provided.  It depends on the buffer alone.  By default, the parts of
+        :meth:`continuous`, of a model in which no element passes u on.
+
+        Raises
+        ------
+        ModelError: the system is not linear and continuous as it is, for example by a delay; the message names what
+            makes it so.
+        """
+        matrices = self.continuous()
+        assert matrices is not None
+        (A, B, C, D), n = matrices, len(self.u)
+        return (A, B[:, :n], C, D[:, :n]), A @ self.x + B @ np.concatenate([self.u, self.a])
+
+    def step_map(self, h: float) -> Array | None:
         """Return the matrix of a step of size h, s, (ny + nx, nx + nu + na + nr).  It is cached by h until ``remap()``.
 
-        May have fewer columns: the last operands are then not used.  An operand that is 0 costs nothing.
+        None: there is no map, elements do all.  May have fewer columns: the last operands are then not used.  An
+        operand that is 0 costs nothing.
         """
         raise NotImplementedError(f"{type(self).__name__} has neither step_map nor block_rows")
 

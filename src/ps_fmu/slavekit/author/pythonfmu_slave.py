@@ -215,7 +215,7 @@ class _Border:
         try:
             return cls._ps_fmu_model._fmu_state_from_bytes(state)
         except Exception as error:
-            return Unreadable(f"the bytes are no FMU state of this slave: {describe(error)}")
+            return Unreadable(f"the bytes are not an FMU state of this slave: {describe(error)}")
 
 
 def protect(model: type) -> type:

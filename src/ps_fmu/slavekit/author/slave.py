@@ -29,6 +29,7 @@ from ... import __version__
 from .buffer import BufferLayout, copy_aligned
 from .far import blame
 from .guard import ModelError, Refused, Unreadable, protect, report
+from .model import Model
 from .state import Derived, LifePhase, SlaveState, from_bytes, to_bytes
 from .stepper import Stepper
 from .variables import Port, numbered, vector
@@ -52,21 +53,25 @@ class Slave(Stepper):
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
         if "__init__" in cls.__dict__:
-            raise TypeError(f"{cls.__name__}: no __init__ please; what a model needs is made in configure()")
+            raise TypeError(f"{cls.__name__}: expected no __init__: make what the model needs in configure()")
         if cls.block_rows and cls.n_states and not cls.n_row:
             raise TypeError(
-                f"{cls.__name__}: n_states = {cls.n_states}, but with block_rows and no n_row there are no states"
+                f"{cls.__name__}: n_states = {cls.n_states}: expected 0 with block_rows and without n_row"
             )
+        cls.any_step = cls.any_step or cls.continuous is not Model.continuous
+        if cls.any_step and cls.block_rows:
+            raise TypeError(f"{cls.__name__}: any_step, but rows of tables belong to one size of steps: block_rows = 0")
         if cls.n_row and not cls.block_rows:
-            raise TypeError(f"{cls.__name__}: n_row = {cls.n_row}, but there are no tables: set block_rows")
+            raise TypeError(f"{cls.__name__}: n_row = {cls.n_row} needs tables: set block_rows")
         flags = {port.name for port in cls.ports if port.causality == "output" and port.type == "Boolean"}
         if cls.limit_flag and cls.limit_flag not in flags:
-            raise TypeError(f"{cls.__name__}: limit_flag = {cls.limit_flag!r} is no Boolean output")
+            raise TypeError(f"{cls.__name__}: limit_flag: expected a Boolean output, got {cls.limit_flag!r}")
         protect(cls, _CALLED_BY_HOSTS, ("_fmu_state_to_bytes", "_fmu_state_from_bytes"))
         cls.instances = WeakSet()
         cls.layout = BufferLayout(
-            cls.__name__, __version__, cls.ports, cls.n_states, cls.n_auxiliary, cls.n_memory, cls.n_row
-        )
+            cls.__name__, __version__, cls.ports, cls.n_states, cls.n_auxiliary, cls.n_memory, cls.n_row,
+            cls.n_states if cls.provides_derivatives else 0,
+        )  # fmt: skip
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__(**kwargs)
@@ -75,6 +80,7 @@ class Slave(Stepper):
         if self.hosted:
             _forget_host_thread()
         self._allocate()
+        self._core.any_step, self._core.label = self.any_step, self.label.encode()
         self.instances.add(self)
 
     # --- Life cycle ---------------------------------------------------------------------
@@ -89,8 +95,8 @@ class Slave(Stepper):
             raise Refused(f"start time {start_time!r} s: expected a finite number")
         if not stop > start_time:
             raise Refused(f"stop time {stop!r} s: expected a number above the start time {start_time!r} s")
-        self._start = self._core.time = self._origin = float(start_time)
-        self._stop = float(stop)
+        self._start = self._core.time = self._core.origin = float(start_time)
+        self._core.stop = float(stop)
         self._ready = True
         self._stale = True  # outputs may have been read before; a model may use the start time
 
@@ -104,6 +110,7 @@ class Slave(Stepper):
         self._require("exit_initialization_mode", LifePhase.INITIALISATION)
         if self._stale:
             self._configure()
+        self._prepare()
         self._enter(LifePhase.STEPPING)
 
     def terminate(self) -> None:
@@ -184,7 +191,7 @@ class Slave(Stepper):
         rows, step = state.clock.rows, state.clock.step
         most = self._limit_rows(rows, step) if rows and self.block_rows else self.block_rows
         if rows > most:
-            raise Refused(f"the FMU state has a table of {rows} rows; at most {most} fit, of steps of {step:g} s")
+            raise Refused(f"the FMU state contains {rows} rows: expected at most {most}, of steps of {step:g} s")
         return state
 
     def _put_state(self, state: SlaveState, derived: Derived | None) -> None:
@@ -198,6 +205,8 @@ class Slave(Stepper):
         else:
             self._derive()
             self._recall(state.clock, self._compute_table_again(state.clock))
+        if self._phase == LifePhase.STEPPING:
+            self._prepare()
 
     @classmethod
     def _fmu_state_to_bytes(cls, state: SlaveState | Unreadable) -> bytes:

@@ -115,18 +115,18 @@ def from_bytes(content: bytes, layout: BufferLayout) -> SlaveState:
     Raises Refused if the bytes are damaged, of another model or version, or impossible.
     """
     if len(content) < _PREFIX_SIZE + _CHECKSUM_SIZE or not content.startswith(_MAGIC[:-1]):
-        raise Refused(f"these {len(content)} bytes are no serialised FMU state")
+        raise Refused(f"these {len(content)} bytes are not a serialised FMU state")
     if content[len(_MAGIC) - 1] != _MAGIC[-1]:
         version = content[len(_MAGIC) - 1]
-        raise Refused(f"the serialised FMU state has format {version}; this FMU reads format {_MAGIC[-1]}")
+        raise Refused(f"the format of the serialised FMU state is {version}: expected {_MAGIC[-1]}")
     if hashlib.sha256(content[:-_CHECKSUM_SIZE]).digest() != content[-_CHECKSUM_SIZE:]:
-        raise Refused("the serialised FMU state is damaged: its checksum does not fit")
+        raise Refused("the serialised FMU state is damaged: its checksum is wrong")
     if content[len(_MAGIC) : len(_MAGIC) + _CHECKSUM_SIZE] != layout.identity:
         raise Refused("the serialised FMU state belongs to another FMU, or to another version of this one")
     *words, n_numbers, n_texts = _HEADER.unpack_from(content, len(_MAGIC) + _CHECKSUM_SIZE)
     if (n_numbers, n_texts) != (layout.size, len(layout.strings)):
         found, expected = f"{n_numbers} numbers and {n_texts} texts", f"{layout.size} and {len(layout.strings)}"
-        raise Refused(f"the serialised FMU state has {found}; expected {expected}")
+        raise Refused(f"the serialised FMU state contains {found}: expected {expected}")
     texts_start = _PREFIX_SIZE + 8 * n_numbers
     if len(content) - _CHECKSUM_SIZE < texts_start:
         raise Refused("the serialised FMU state ends within its numbers")
@@ -139,15 +139,15 @@ def from_bytes(content: bytes, layout: BufferLayout) -> SlaveState:
 def _read_clock(words: list[float]) -> SlaveClock:
     phase, *flags = map(int, words[:4])
     if phase > max(LifePhase) or any(flag > 1 for flag in flags):
-        raise Refused(f"the serialised FMU state has impossible flags {words[:4]}")
+        raise Refused(f"the serialised FMU state contains impossible flags: {words[:4]}")
     clock = SlaveClock(LifePhase(phase), *map(bool, flags), *words[4:])
     if clock.stale and clock.phase >= LifePhase.STEPPING:
         raise Refused("the serialised FMU state is after initialisation, but not configured")
     times = (clock.start, clock.time, clock.origin, clock.step)
     if not all(map(math.isfinite, times)) or math.isnan(clock.stop) or clock.step < 0.0:
-        raise Refused(f"the serialised FMU state has impossible times {times}")
+        raise Refused(f"the serialised FMU state contains impossible times: {times}")
     if not (0 <= clock.block <= clock.count <= _MOST_STEPS and clock.rows >= 0) or (clock.rows and not clock.step):
-        raise Refused("the serialised FMU state has impossible counters")
+        raise Refused("the serialised FMU state contains impossible counters")
     return clock
 
 
@@ -157,7 +157,7 @@ def _check_values(buffer: Array, strings: tuple[str, ...], layout: BufferLayout)
         raise Refused("the serialised FMU state contains numbers that are not finite")
     values = [*buffer.tolist(), *strings]
     for reference, port in layout.by_reference.items():
-        if port.causality != "output":
+        if port.causality in ("input", "parameter"):
             try:
                 port.checked(values[reference])
             except ValueError as error:
@@ -180,5 +180,5 @@ def _read_texts(content: bytes, n: int) -> tuple[str, ...]:
             raise Refused(f"a text of the serialised FMU state is not UTF-8: {error}") from None
         position += 4 + length
     if position != len(content):
-        raise Refused(f"the serialised FMU state has {len(content) - position} bytes too many")
+        raise Refused(f"the serialised FMU state is too long by {len(content) - position} bytes")
     return tuple(texts)

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Sequence
 from math import inf, isfinite, ulp
 
 import numpy as np
 
-from .blocks import make_blocks, store_by_columns
+from .blocks import Matrices, make_blocks, store_by_columns
 from .buffer import Array
-from .core import FOUND_DUE, Elements, Map, OutputLimits, Step
+from .continuous import hold_inputs
+from .core import FOUND_DUE, MESSAGE_NONE, MESSAGE_REFUSAL, MESSAGE_WARNING, Elements, Map, OutputLimits, Step
 from .elements import Element, StepMap, compile_elements, find_full_delay
 from .far import blame
 from .guard import ModelError, Refused, report
@@ -43,7 +45,7 @@ class Stepper(Tables):
         self._maps: list[StepMap] = []
         self._compiled: tuple[tuple[Sequence[Element], ...], Elements] = ((), Elements())
         self._ready = False  # setup_experiment was called
-        self._start, self._stop = 0.0, inf
+        self._start = 0.0
         self._derived = object()  # another one whenever the model has derived anything from the buffer
 
     # --- For models ---------------------------------------------------------------------
@@ -51,6 +53,7 @@ class Stepper(Tables):
     def remap(self) -> None:
         """The map is out of date (new pose, new parameter): ask ``step_map`` again before the next step."""
         self._maps.clear()
+        self._core.linear_holds = False
         self._derived = object()
         self._renew()
 
@@ -91,6 +94,7 @@ class Stepper(Tables):
             else:
                 self._step_carefully(current_time, step_size)
             core.python_steps += 1
+            self._pass_warning()
             return True
         except (ModelError, Refused) as error:
             error.args = (f"step from t = {core.time:.9g} s refused: {error}",)
@@ -138,7 +142,7 @@ class Stepper(Tables):
         core.time = t + h
         core.count += 1
         core.time_slack = _compute_time_slack(t, core.step)
-        core.last_start = self._stop - core.step + core.time_slack
+        core.last_start = self._core.stop - core.step + core.time_slack
         core.step_slack = SAME_STEP * core.step
 
     def _step_if_due(self) -> bool:
@@ -163,6 +167,8 @@ class Stepper(Tables):
         try:
             while not self._handle_event_and_step():
                 if core.pending != FOUND_DUE:
+                    if core.message_status == MESSAGE_REFUSAL:
+                        raise Refused(self._read_message())
                     self._check_row()
                     if full := find_full_delay(core.elements, kept, core.step):
                         raise Refused(full)
@@ -179,8 +185,23 @@ class Stepper(Tables):
             core.watching = 1
         return True
 
+    def _read_message(self) -> str:
+        """What an element has to say of the step."""
+        return self._core.message.decode("utf-8", "replace")
+
+    def _pass_warning(self) -> None:
+        """Send the host the warning that an element has left."""
+        if self._core.message_status == MESSAGE_WARNING:
+            self._core.message_status = MESSAGE_NONE
+            self.warning(self._read_message())
+
+    @abstractmethod
+    def warning(self, text: str) -> None:
+        """Send a warning to the host."""
+
     def _handle_event_and_step(self) -> bool:
         core = self._core
+        core.message_status = MESSAGE_NONE
         if core.pending:
             core.pending, core.watching = 0, 0
             self._derived = object()
@@ -191,6 +212,11 @@ class Stepper(Tables):
         elif self._is_at_end_of_rows():
             self._work_ahead()
         return self._plain_step()
+
+    def _prepare(self) -> None:
+        """Make the plain step of models with ``any_step``: their first one needs no Python, either."""
+        if self.any_step and self._plain_step is None:
+            self._plain_step = self._make_plain_step()
 
     def _rebuild(self) -> None:
         """After a failure: the buffer is as before, but what the model derives may be half new."""
@@ -209,16 +235,17 @@ class Stepper(Tables):
             raise Refused(f"current time {t!r} s: expected {self._core.time!r} s, where the last step ended")
         if not t < t + h < inf:
             raise Refused(f"step size {h!r} s: expected one that leads from {t!r} s to a later time")
-        if t > self._stop - h + slack:
-            raise Refused(f"a step from {t!r} s to {t + h!r} s ends beyond the stop time {self._stop!r} s")
+        if t > self._core.stop - h + slack:
+            stop = self._core.stop
+            raise Refused(f"a step from {t!r} s to {t + h!r} s ends beyond the stop time {stop!r} s")
 
     def _is_on_grid(self, t: float) -> bool:
         return abs(self._get_time() - t) <= _compute_time_slack(t, self._core.step)
 
     def _restart_count(self, t: float, h: float) -> None:
         known = [found.step for found in self._maps if abs(found.step - h) <= SAME_STEP * found.step]
-        self._origin = t
-        self._core.count, self._core.step = 0, known[0] if known else h
+        self._core.origin = t
+        self._core.count, self._core.step = 0, known[0] if known and not self.any_step else h
         self.discard_rows()
 
     def _make_plain_step(self) -> Step:
@@ -226,12 +253,12 @@ class Stepper(Tables):
         if self._is_used_up():
             self._fill_table()
         rows = core.n_rows
-        step_map = self._find_map(core.step)
-        if step_map.maps:
+        step_map = self._find_map(self.default_step if self.any_step else core.step)
+        if self._has_rows_alone():
+            core.use_table(self._table)
+        else:
             core.use_maps(*step_map.maps)
             core.use_rows(self._table)
-        else:
-            core.use_table(self._table)
         core.n_rows = rows  # up to the next part of the work ahead
         if self._is_at_end_of_rows():
             self._work_ahead()
@@ -244,21 +271,45 @@ class Stepper(Tables):
         for found in self._maps:
             if found.step == h:
                 return found
-        maps = self._make_maps(h) if self.n_row or not self.block_rows else ()
-        elements = self._compile_elements(self.before_map(h), self.after_map(h))
+        before, matrices = self.before_map(h), self.continuous()
+        if matrices is None:
+            maps = () if self._has_rows_alone() else self._make_maps(h)
+        else:
+            maps, held = self._make_continuous_maps(matrices)
+            before = [*before, *held]
+        elements = self._compile_elements(before, self.after_map(h))
         if len(self._maps) >= _MOST_MAPS:
             del self._maps[0]
         self._maps.append(StepMap(h, maps, elements))
         return self._maps[-1]
 
+    def _has_rows_alone(self) -> bool:
+        """Whether the outputs are the rows of a table, without a map."""
+        return self.block_rows > 0 and not self.n_row
+
     def _make_maps(self, h: float) -> tuple[Map, ...]:
         split = self.split_map(h)
         if split is None:
-            return (self._make_map("step_map", self.step_map(h), self._target),)
+            matrix = self.step_map(h)
+            return () if matrix is None else (self._make_map("step_map", matrix, self._target),)
         return (
             self._make_map("split_map (states)", split[0], self.x),
             self._make_map("split_map (outputs)", split[1], self.y),
         )
+
+    def _make_continuous_maps(self, matrices: Matrices) -> tuple[tuple[Map, ...], list[Element]]:
+        """The maps of states and outputs, and the element that renews the first for another size of steps."""
+        A, B, C, D = (np.asarray(matrix, dtype=np.float64) for matrix in matrices)
+        n, m = self.n_states, self._source.size - self.n_states
+        shapes = (n, n), (n, m), (self.y.size, n), (self.y.size, m)
+        for name, matrix, shape in zip("ABCD", (A, B, C, D), shapes, strict=True):
+            if matrix.shape != shape:
+                raise ValueError(f"{type(self).__name__}.continuous: {name} has shape {matrix.shape}; expected {shape}")
+        outputs = self._make_map("continuous (C, D)", np.hstack([C, D]), self.y)
+        if not n:
+            return (outputs,), []
+        states = self._make_map("continuous (A, B)", np.hstack([A, B]), self.x)
+        return (states, outputs), [hold_inputs(A, B, self._source, self.x)]
 
     def _make_map(self, what: str, matrix: Array, target: Array) -> Map:
         by_columns = store_by_columns(self._check_matrix(what, matrix, target.size))
@@ -280,9 +331,9 @@ class Stepper(Tables):
         shape = (rows, self._source.size)
         given = np.asarray(matrix, dtype=np.float64)
         if given.ndim != 2 or len(given) != rows or given.shape[1] > shape[1]:
-            raise ValueError(f"{type(self).__name__}.{what} has shape {given.shape}; expected {shape}")
+            raise ValueError(f"{type(self).__name__}.{what} is of shape {given.shape}; expected {shape}")
         if not np.isfinite(given).all():
-            raise ModelError(f"{type(self).__name__}.{what} has elements that are not finite")
+            raise ModelError(f"{type(self).__name__}.{what} contains numbers that are not finite")
         return given
 
     def _compute_limits(self) -> OutputLimits | None:
@@ -319,7 +370,7 @@ class Stepper(Tables):
     def _has_steps_of(self, clock: SlaveClock, derived: Derived) -> bool:
         """Whether the present steps, and their table, are those of an earlier clock."""
         core = self._core
-        here = core.step, core.block, self._origin, self._start, self._stop
+        here = core.step, core.block, self._core.origin, self._start, self._core.stop
         there = clock.step, clock.block, clock.origin, clock.start, clock.stop
         return here == there and self._table is derived.table
 
@@ -333,14 +384,14 @@ class Stepper(Tables):
         return SlaveClock(
             phase=self._phase, ready=self._ready, stale=self._stale, pending=core.pending == 1,
             count=core.count, rows=len(self._table), block=core.block,
-            start=self._start, stop=self._stop, time=core.time, origin=self._origin, step=core.step,
+            start=self._start, stop=self._core.stop, time=core.time, origin=self._core.origin, step=core.step,
         )  # fmt: skip
 
     def _recall(self, clock: SlaveClock, table: Array) -> None:
         """Go back to an earlier clock; ``table`` is the one that belongs to it."""
         core = self._core
         self._ready, self._stale, core.pending = clock.ready, clock.stale, clock.pending
-        self._start, self._stop, self._origin = clock.start, clock.stop, clock.origin
+        self._start, self._core.stop, self._core.origin = clock.start, clock.stop, clock.origin
         core.count, core.time, core.step = clock.count, clock.time, clock.step
         self._put_table(table, clock.block)
         self._enter(clock.phase)

@@ -25,10 +25,9 @@ class Tables(Values):
 
     def _allocate(self) -> None:
         super()._allocate()
-        self._origin = 0.0  # where steps of the present size began, s
         self._table = np.empty((0, self.r.size or self.y.size))
         self._next_rows = _FIRST_ROWS
-        self._ahead = TableAhead(self._core)
+        self._ahead = TableAhead()
 
     # --- For models ---------------------------------------------------------------------
 
@@ -42,8 +41,8 @@ class Tables(Values):
 
     def times(self, t: float, h: float, n: int) -> Array:
         """Times of the rows of ``rows(t, h, n)``, shape (n,), s: the same for a row in whichever table."""
-        first = round((t - self._origin) / h)
-        return np.asarray(self._origin + np.arange(first + 1.0, first + n + 1.0) * h)
+        first = round((t - self._core.origin) / h)
+        return np.asarray(self._core.origin + np.arange(first + 1.0, first + n + 1.0) * h)
 
     # --- Behind it ----------------------------------------------------------------------
 
@@ -53,7 +52,7 @@ class Tables(Values):
 
     def _get_time(self) -> float:
         """Present time on the grid of whole steps, s."""
-        return self._origin + self._core.count * self._core.step
+        return self._core.origin + self._core.count * self._core.step
 
     def _is_used_up(self) -> bool:
         return self.block_rows > 0 and self._core.count - self._core.block >= len(self._table)
@@ -70,22 +69,20 @@ class Tables(Values):
     def _fill_table(self) -> None:
         core = self._core
         n = self._limit_rows(self._next_rows, core.step)
-        made = self._ahead.take((self._origin, core.count, core.step, n))
+        made = self._ahead.take((self._core.origin, core.count, core.step, n))
         self._table = self._compute_rows(n) if made is None else made
         core.block = core.count
         self._next_rows = self._limit_rows(4 * n, core.step)
         if isgeneratorfunction(type(self).rows) or self._next_rows > _CHUNK:
             first = core.count + n
             me: Any = weakref.proxy(self)
-            parts = type(self)._compute_rows_in_parts(me, self._origin + first * core.step, core.step, self._next_rows)
-            self._ahead.begin((self._origin, first, core.step, self._next_rows), parts)
+            start = core.origin + first * core.step
+            parts = type(self)._compute_rows_in_parts(me, start, core.step, self._next_rows)
+            self._ahead.begin((core.origin, first, core.step, self._next_rows), parts)
         self._work_ahead()
 
     def _work_ahead(self) -> None:
-        """Do a part of the work for the next table; the parts are spread evenly over the rows of this one.
-
-        The launcher does the same, where the part is a call.
-        """
+        """Do a part of the work for the next table; the parts are spread evenly over the rows of this one."""
         core, rows = self._core, len(self._table)
         row = core.count - core.block
         parts = self._ahead.advance()
@@ -119,7 +116,7 @@ class Tables(Values):
         table = np.ascontiguousarray(rows, dtype=np.float64)
         expected = (n, self._table.shape[1])
         if table.shape != expected:
-            raise ValueError(f"{type(self).__name__}.rows has shape {table.shape}; expected {expected}")
+            raise ValueError(f"{type(self).__name__}.rows is of shape {table.shape}; expected {expected}")
         return table
 
     def _check_row(self) -> None:
@@ -130,7 +127,7 @@ class Tables(Values):
 
     def _check_finite_rows(self, rows: Array) -> None:
         if not np.isfinite(rows).all():
-            raise ModelError(f"{type(self).__name__}.rows has elements that are not finite")
+            raise ModelError(f"{type(self).__name__}.rows contains numbers that are not finite")
 
     def _put_table(self, table: Array, block: int) -> None:
         """Go on with a table that begins at count ``block``."""
@@ -144,6 +141,6 @@ class Tables(Values):
         """The table that was current at ``clock``, computed from the buffer as it is now."""
         if clock.rows == 0:
             return self._table[:0]
-        self._origin = clock.origin
+        self._core.origin = clock.origin
         self._core.count, self._core.step = clock.block, clock.step
         return self._compute_rows(clock.rows)

@@ -7,9 +7,11 @@ from abc import abstractmethod
 from collections.abc import Sequence
 from typing import Any, ClassVar
 
+import numpy as np
+
 from .buffer import Array, Buffer, BufferLayout
-from .core import REFERENCE, make_core
-from .guard import Refused
+from .core import LINEAR_REFERENCE, REFERENCE, make_core
+from .guard import ModelError, Refused
 from .instructions import Finder, Places
 from .model import Model
 from .state import LifePhase
@@ -71,6 +73,12 @@ class Values(Model):
     def get_string(self, vrs: list[int]) -> list[str]:
         if vrs == [REFERENCE]:
             return [str(ctypes.addressof(self._core) if self.native else 0)]
+        if vrs == [LINEAR_REFERENCE]:
+            try:
+                self._find_rates()
+            except ModelError as error:
+                return [f"{self.instance_name}: no directional derivatives: {error}"]
+            return [""]
         return self._get("String", vrs)
 
     def set_real(self, vrs: list[int], values: list[float]) -> None:
@@ -89,9 +97,30 @@ class Values(Model):
 
     def _get(self, kind: str, references: list[int]) -> list[Any]:
         ports = self._buffer.ports(kind, references)
-        if self._stale and any(port.causality == "output" for port in ports):
+        if self._stale and any(port.causality in ("output", "local") for port in ports):
             self._configure()
+        first = self.layout.first_rate
+        if self.layout.rates and any(reference >= first for reference in references):
+            rates = self._find_rates()
+            read = self._buffer.typed
+            return [float(rates[vr - first]) if vr >= first else read(vr) for vr in references]
         return [self._buffer.typed(reference) for reference in references]
+
+    def _find_rates(self) -> Array:
+        """Rates of the states now; the linear model is in the core."""
+        if not self.provides_derivatives:
+            raise Refused("directional derivatives: this FMU does not provide them")
+        if self._phase == LifePhase.INSTANTIATED:
+            raise Refused("directional derivatives are not possible before initialisation mode")
+        if self._stale:
+            self._configure()
+        matrices, rates = self.linearise()
+        n, ny, nu = self.n_states, self.y.size, self.u.size
+        shapes = (n, n), (n, nu), (ny, n), (ny, nu)
+        if tuple(np.shape(matrix) for matrix in matrices) != shapes or np.shape(rates) != (n,):
+            raise ValueError(f"{type(self).__name__}.linearise: expected matrices {shapes} and rates {(n,)}")
+        self._core.use_linear(matrices, type(self).linearise is Model.linearise)
+        return np.asarray(rates)
 
     def _set(self, kind: str, references: list[int], values: Sequence[Any]) -> None:
         """Check all, then store all; notes what a change means for the model."""
@@ -100,8 +129,9 @@ class Values(Model):
         ports = self._buffer.ports(kind, references)
         checked = []
         for port, value in zip(ports, values, strict=True):
-            if port.causality == "output":
-                raise Refused(f"{port.name} is an output and cannot be set")
+            if port.causality in ("output", "local"):
+                kind = "an output" if port.causality == "output" else "a local variable"
+                raise Refused(f"{port.name} is {kind} and cannot be set")
             if port.causality == "parameter" and self._phase >= LifePhase.STEPPING:
                 raise Refused(f"{port.name} is a fixed parameter: set it before initialisation ends, or after a reset")
             if self._phase == LifePhase.TERMINATED:
@@ -112,7 +142,7 @@ class Values(Model):
                 raise Refused(str(error)) from None
         for reference, port, new in zip(references, ports, checked, strict=True):
             if self._buffer.raw(reference) != new:
-                self._on_change(port.event)
+                self._on_change(bool(port.event))
             self._buffer.store(reference, new)  # -0.0, too, in place of 0.0
 
     @abstractmethod

@@ -14,11 +14,12 @@ from pythonfmu.variables import Boolean, Integer, Real, ScalarVariable, String
 
 from .units import DISPLAY_UNITS, find_exponents
 
-Causality = Literal["input", "output", "parameter"]
+Causality = Literal["input", "output", "parameter", "local"]
 Type = Literal["Real", "Boolean", "Integer", "String"]
 Value = float | bool | int | str
 
 _NAME = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*", re.ASCII)
+_LOCAL = re.compile(r"x\[\d+\]|der\(x\[\d+\]\)", re.ASCII)  # of the base class
 _INT32 = 2**31
 
 
@@ -30,7 +31,7 @@ class Port:
     ----------
     name: structured name without brackets, for example ``base_force.x`` or ``fine_force_1``.
     causality: ``"input"``, ``"output"`` or ``"parameter"`` (parameters are fixed: set before or in
-        initialisation mode).
+        initialisation mode).  ``"local"`` is for the base class.
     unit: name of a coherent SI unit of :mod:`.units`; only for Real.
     description: one line that names the frame.
     type: FMI type.
@@ -38,7 +39,8 @@ class Port:
     min, max: smallest and largest value; enforced on inputs and parameters.
     nominal: typical magnitude, for tools that scale values; only for Real.
     display_unit: one of ``units.DISPLAY_UNITS[unit]``.
-    event: True: ``Slave.event`` handles this input, not the linear map.  It handles all inputs that are not Real.
+    event: True: a new value of this input makes an event due, see :meth:`.model.Model.event`.  None: True of inputs
+        that are not Real, else False.  False: the map reads it, if it is a Real, or an element.
     depends_on: inputs that this output depends on at the same communication point; normally none, since outputs are
         latched at the end of doStep.
     initially_depends_on: inputs and parameters that this output depends on in initialisation mode; None: all of them.
@@ -54,17 +56,17 @@ class Port:
     max: float | None = None
     nominal: float | None = None
     display_unit: str | None = None
-    event: bool = False
+    event: bool | None = None
     depends_on: tuple[str, ...] = ()
     initially_depends_on: tuple[str, ...] | None = None
 
     def __post_init__(self) -> None:
-        if not _NAME.fullmatch(self.name):
+        if not (_LOCAL if self.causality == "local" else _NAME).fullmatch(self.name):
             raise ValueError(
                 f"port {self.name!r}: expected identifiers joined by dots, such as 'base_force.x'"
             )
-        if self.causality not in ("input", "output", "parameter"):
-            raise self._make_error(f"causality {self.causality!r} is none of input, output, parameter")
+        if self.causality not in ("input", "output", "parameter", "local"):
+            raise self._make_error(f"causality: expected input, output, parameter or local, got {self.causality!r}")
         if self.causality != "output" and (self.depends_on or self.initially_depends_on is not None):
             raise self._make_error("only outputs have dependencies")
         if self.causality != "input" and self.event:
@@ -74,8 +76,8 @@ class Port:
         self._check_unit()
         if self.causality != "output":
             object.__setattr__(self, "start", self.checked(self._read_start()))
-        if self.causality == "input" and self.type != "Real":
-            object.__setattr__(self, "event", True)
+        if self.event is None:
+            object.__setattr__(self, "event", self.causality == "input" and self.type != "Real")
 
     def _make_error(self, problem: str) -> ValueError:
         return ValueError(f"port {self.name}: {problem}")
@@ -87,11 +89,11 @@ class Port:
             except ValueError as error:
                 raise self._make_error(str(error)) from None
         elif self.unit != "1" or self.nominal is not None:
-            raise self._make_error(f"a {self.type} has neither unit nor nominal value")
+            raise self._make_error(f"expected neither unit nor nominal value for a {self.type}")
         known = DISPLAY_UNITS.get(self.unit, {})
         if self.display_unit is not None and self.display_unit not in known:
             choices = ", ".join(known) or "(there are none)"
-            raise self._make_error(f"display unit {self.display_unit!r} of {self.unit!r} is none of {choices}")
+            raise self._make_error(f"display unit of {self.unit!r}: expected {choices}, got {self.display_unit!r}")
         for attribute in ("min", "max", "nominal"):
             value = getattr(self, attribute)
             if value is not None and (self.type in ("Boolean", "String") or not math.isfinite(value)):
@@ -170,7 +172,7 @@ def _make_ports(
             if isinstance(own.get(key), (list, tuple)):
                 if len(own[key]) != len(names):
                     raise ValueError(
-                        f"port {name}: {key} has {len(own[key])} values for {len(names)} components"
+                        f"port {name}: {key}: expected {len(names)} values, got {len(own[key])}"
                     )
                 own[key] = own[key][i]
         ports.append(Port(name, unit=unit, description=f"{description}, {suffix}", **own))
@@ -192,9 +194,8 @@ def make_fmi_variable(port: Port, reference: int) -> ScalarVariable:
     variability = Fmi2Variability.continuous if continuous else Fmi2Variability.discrete
     if port.causality == "parameter":
         variability = Fmi2Variability.fixed
-    initial = {"parameter": Fmi2Initial.exact, "output": Fmi2Initial.calculated, "input": None}[
-        port.causality
-    ]
+    calculated = Fmi2Initial.calculated
+    initial = {"parameter": Fmi2Initial.exact, "output": calculated, "local": calculated, "input": None}[port.causality]
 
     variable = _PYTHONFMU[port.type](
         port.name,
@@ -218,15 +219,15 @@ def make_fmi_variable(port: Port, reference: int) -> ScalarVariable:
 
 def _type_attributes(port: Port) -> dict[str, str]:
     """Attributes of the element Real, Integer, Boolean or String."""
-    attributes = {}
+    attributes: dict[str, str] = {}
     if port.type == "Real":
-        attributes["unit"] = port.unit
+        attributes |= {"unit": port.unit} if port.causality != "local" else {}
     if port.display_unit is not None:
         attributes["displayUnit"] = port.display_unit
     for attribute in ("min", "max", "nominal"):
         value = getattr(port, attribute)
         if value is not None:
             attributes[attribute] = repr(float(value)) if port.type == "Real" else str(int(value))
-    if port.causality != "output":
+    if port.causality in ("input", "parameter"):
         attributes["start"] = str(port.start).lower() if port.type == "Boolean" else str(port.start)
     return attributes

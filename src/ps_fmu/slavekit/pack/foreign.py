@@ -287,7 +287,7 @@ def read_stock(path: Path) -> Stock:
         raise BuildError("this FMU has a launcher already: use it as it is")
     interface = description.find("CoSimulation")
     if RESOURCES / "slavemodule.txt" not in files or interface is None:
-        raise BuildError("this FMU was not made by pythonfmu: it has no resources/slavemodule.txt or no co-simulation")
+        raise BuildError("this FMU was not made by pythonfmu: expected resources/slavemodule.txt and co-simulation")
     model = interface.get("modelIdentifier", "")
     script = files[RESOURCES / "slavemodule.txt"].decode(errors="replace").partition("\n")[0].strip()
     for name, what in ((model, "modelIdentifier"), (script, "resources/slavemodule.txt")):
@@ -313,4 +313,4 @@ def _check_libraries(files: Files, model: str, tool: str) -> None:
         raise BuildError(f"it has a library for {found[:80]}; there is a launcher for {', '.join(known)}")
     old = sorted(platform for platform in usable if _EXIT not in libraries[platform])
     if old:
-        raise BuildError(f"its library for {', '.join(old)}, by {tool[:40]}, is not of pythonfmu 0.7: build it anew")
+        raise BuildError(f"its library for {', '.join(old)}, by {tool[:40]}, is not of pythonfmu 0.7: build it again")

@@ -52,7 +52,7 @@ Other systems: CPython {python} or later with {modules}.
 def check_interpreter(interpreter: Path | None) -> None:
     """Raise BuildError if this is not a program."""
     if interpreter is not None and not (interpreter.is_file() and os.access(interpreter, os.X_OK)):
-        raise BuildError(f"--interpreter: {interpreter} is no program: expected the path of a Python")
+        raise BuildError(f"--interpreter: expected the path of a Python, got {interpreter}")
 
 
 def name_package(sources: Files) -> str:

@@ -44,7 +44,7 @@ def find_imports(source: str | bytes, name: str, package: str, optional: bool = 
     try:
         tree = ast.parse(source, filename=name)
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
-        raise BuildError(f"{name}: this is no Python that can be read here: {error or type(error).__name__}") from None
+        raise BuildError(f"{name}: cannot be read as Python: {error or type(error).__name__}") from None
     found: set[str] = set()
     for node in _walk(tree, optional):
         if isinstance(node, ast.Import):

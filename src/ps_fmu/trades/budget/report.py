@@ -12,7 +12,8 @@ from tqdm import tqdm
 from ...analyses.result import AnalysisResult, paint_pictures
 from ...analyses.system import load_own_systems
 from ...analyses.table import SYSTEM, AnalysisOptions
-from ...interface.linear_system import STEP, Circuit
+from ...interface.linear_system import Circuit
+from ...interface.system_model import STEP
 from ...mechanism.quantities import Array
 from ...pointing.budget import UncertaintyFactors, drop_source
 from ...product.files import find_product

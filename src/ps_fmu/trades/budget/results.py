@@ -22,17 +22,8 @@ from ...disturbance.recording import Recording
 from ...disturbance.spectrum import edge_frequencies, gaussian_density, to_origin
 from ...disturbance.tones import ToneSettings
 from ...disturbance.wheels import WheelSettings
-from ...interface.linear_system import (
-    COILS,
-    OUTPUT_NAMES,
-    PLANT,
-    SENSORS,
-    SOURCE,
-    TRACKER,
-    Circuit,
-    SystemModel,
-    read_model,
-)
+from ...interface.linear_system import Circuit
+from ...interface.system_model import COILS, OUTPUT_NAMES, PLANT, SENSORS, SOURCE, TRACKER, SystemModel, read_model
 from ...mechanism.quantities import Array, Complex, ParameterError
 from ...pointing.budget import Budget, Source, UncertaintyFactors, make_budget
 from ...pointing.modal import Resonance, find_resonances

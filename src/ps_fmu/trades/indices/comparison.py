@@ -15,7 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...cosim import System, Value
-from ...interface.linear_system import POINTING, TRACKER, Circuit, read_model
+from ...interface.linear_system import Circuit
+from ...interface.system_model import POINTING, TRACKER, read_model
 from ...mechanism.quantities import Array
 from ...mechanism.rotations import from_rotation_matrix, rotation_matrix
 from ...pointing import (

@@ -17,7 +17,8 @@ from ...control.pointing import PointingLaw
 from ...cosim import System, Value, read_parameters
 from ...disturbance import multisine_lines, psd_at_origin
 from ...disturbance.noise import NoiseSettings
-from ...interface.linear_system import PLANT, POINTING, SOURCE, Circuit, LinearModelError, read_model
+from ...interface.linear_system import Circuit
+from ...interface.system_model import PLANT, POINTING, SOURCE, LinearModelError, read_model
 from ...mechanism.parameters import Array, Noise, load
 from ...mechanism.quantities import Complex, replace_values, take_values
 from ...results.observers.sampler import SampleObserver

@@ -21,13 +21,14 @@ from numpy.typing import NDArray
 
 from ....control.commander import DEFAULT_ALGORITHM_1
 from ....cosim import Value
-from ....mechanism.inverse_kinematics import Solver, inverse_kinematics, reach_along, reachable, trilaterate
+from ....mechanism import inverse_kinematics as kinematics
+from ....mechanism.inverse_kinematics import inverse_kinematics, reach_along, reachable
 from ....mechanism.kinematics import forward_kinematics
 from ....mechanism.parameters import Array, Geometry, load
 from ....runs.cases import Case, Outcome, run_case
 from ....runs.options import OptionError, RunOptions
 from ....runs.run import Run
-from ....runs.setup import RunSystem
+from ....runs.system import RunSystem
 from ....scenarios.comparison import TARGET
 from ....scenarios.jitter_record import ORIENTATION, REACHABLE
 from ...cosimulation import SampleRecord
@@ -38,9 +39,8 @@ _DIRECTIONS = 36  # in which corners are looked for
 SETTLE_S = 1.0  # at rest before an error is taken: the servo of 5 Hz leaves 1e-12 of what it lagged behind
 COUNTS = range(41, 4, -4)  # of targets along a path
 RATE_LIMIT = "plant.servo.rate_limit"
-#: In motion the plant's linear model (m) and the idle isolator's gains (rad) may be a little old; at rest they never
-#: are.  Half of the time of a run.
-COARSE_MODEL: dict[str, Value] = {"plant.relinearisation_distance": 5e-4, "isolator.orientation_resolution": 1e-2}
+#: In motion the plant's linear model (m) may be a little old; at rest it never is.  Half of the time of a run.
+COARSE_MODEL: dict[str, Value] = {"plant.relinearisation_distance": 5e-4}
 WALK = "random walk"
 RESIDUAL = "commander.residual"
 EPSILON_AS_PUBLISHED = 2e-11  # m: with this error limit Algorithm 1 leaves 1e-9 to 1e-8 deg, as in Fig 7
@@ -48,16 +48,16 @@ EPSILON_AS_PUBLISHED = 2e-11  # m: with this error limit Algorithm 1 leaves 1e-9
 
 @dataclass(frozen=True)
 class Method:
-    """Inverse kinematics: the function, and the commander's parameters with which the FMU uses it."""
+    """Inverse kinematics: the method, and the commander's parameters with which the FMU uses it."""
 
-    solver: Solver
+    method: kinematics.Method
     values: Mapping[str, Value]
 
 
 def _algorithm_1(epsilon: float) -> Method:
     """Algorithm 1 with an error limit, m."""
     values: dict[str, Value] = {"commander.use_algorithm_1": True, "commander.algorithm_1.epsilon": epsilon}
-    return Method(replace(DEFAULT_ALGORITHM_1, epsilon=epsilon).solver(), values)
+    return Method(replace(DEFAULT_ALGORITHM_1, epsilon=epsilon).method(), values)
 
 
 EXACT, PRINTED, FINE = (
@@ -65,7 +65,7 @@ EXACT, PRINTED, FINE = (
 )  # fmt: skip
 #: The methods that each path is run with, by their names in tables.
 METHODS = {
-    EXACT: Method(trilaterate, {"commander.use_algorithm_1": False}),
+    EXACT: Method(kinematics.TRILATERATION, {"commander.use_algorithm_1": False}),
     PRINTED: _algorithm_1(DEFAULT_ALGORITHM_1.epsilon),
     FINE: _algorithm_1(EPSILON_AS_PUBLISHED),
 }
@@ -96,9 +96,9 @@ class PathResult:
     def expected_error(self) -> Array:
         """The same by inverse and forward kinematics without FMUs, (n,), rad."""
         geometry = load().manipulator.geometry
-        solver = METHODS[self.method].solver
+        method = METHODS[self.method].method
         # One by one: together, the fast ones would be iterated as often as the slowest.
-        coarse = np.array([inverse_kinematics(geometry, rpy, solver).coarse_displacement for rpy in self.target])
+        coarse = np.array([inverse_kinematics(geometry, rpy, method).coarse_displacement for rpy in self.target])
         pose = forward_kinematics(geometry, geometry.nominal_lengths + np.pad(coarse, ((0, 0), (0, 3))))
         return np.asarray(np.abs(pose.orientation - self.target).max(axis=1))
 
