@@ -49,8 +49,8 @@ def test_comments_of_fields_are_their_text(load):
     from ps_fmu.mechanism.dynamics import Pose
 
     assert load("house_docstrings").describe_fields(Pose)[3:-1] == [
-        "``translation_B``", "    (..., 3), origin of P in B, m",
-        "``rotation_BP``", "    (..., 3, 3), maps components in P to components in B",
+        "``translation_B``", "    (3,), origin of P in B, m",
+        "``rotation_BP``", "    (3, 3), maps components in P to components in B",
     ]  # fmt: skip
 
 
