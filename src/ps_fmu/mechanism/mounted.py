@@ -273,11 +273,6 @@ def relative_momentum(model: PlantModel) -> Array:
     return rows
 
 
-def relative_momentum_taken(old: PlantModel, new: PlantModel, x: Array) -> Array:
-    """Relative momentum (6,), N.s and N.m.s, that the state ``x`` loses when ``new`` replaces ``old``."""
-    return np.asarray((relative_momentum(old) - relative_momentum(new)) @ x)
-
-
 def promised_impulse(d: Dynamics) -> Array:
     """Places (6,) in the state of the impulse promised to the bus: those of the base's translation and its rate."""
     shift = np.arange(*d.base_places()[0].indices(d.n))
