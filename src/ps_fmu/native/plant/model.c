@@ -64,10 +64,19 @@ bool find_place(const Plant *p, const double coarse[3], const double stretch[3],
            mechanism_find_place(p->mechanism, lengths, place->translation, place->rotation);
 }
 
+/* The forces that hold the fine legs at a centre.  Without them, derivatives by places would have springs that turn with
+   the legs, and actuators that do not: a force on the whole that is not there. */
+static double find_holding_force(const Plant *p, const Centre *c, int leg)
+{
+    return p->mechanism->leg_stiffness[3 + leg] * c->fine[leg];
+}
+
 bool evaluate_centre(Plant *p, const Model *model, const double *speeds, Point *point)
 {
     double x[MECHANISM_STATES], u[MECHANISM_INPUTS] = {0.0};
     find_state(p, &model->centre, x);
+    for (int k = 0; k < 3; k++)
+        u[MECHANISM_FINE_FORCE + k] = find_holding_force(p, &model->centre, k);
     if (speeds != NULL) {
         const int64_t n = count_coordinates(p);
         memcpy(x + n, speeds, sizeof *x * (size_t)n);
@@ -150,11 +159,14 @@ static void make_columns(Plant *p, Model *model)
         for (int64_t i = 0; i < rows; i++)
             model->change[pad(rows) * j + i] = -model->A[stride * j + (i < 3 ? 3 + i : coordinates + i - 3)];
     if (model->centre.rest != 0.0) { /* by the constant 1: what is not by the distance from the centre */
-        double x[MECHANISM_STATES], *by_one = model->A + stride * all, *of_one = model->outputs + pad(MECHANISM_OUTPUTS) * all;
+        double x[MECHANISM_STATES + MECHANISM_INPUTS] = {0.0}, *by_one = model->A + stride * all,
+               *of_one = model->outputs + pad(MECHANISM_OUTPUTS) * all;
         find_state(p, &model->centre, x);
+        for (int k = 0; k < 3; k++)
+            x[n + MECHANISM_FINE_FORCE + k] = find_holding_force(p, &model->centre, k);
         memcpy(by_one, p->centre.rates, sizeof *by_one * (size_t)n);
         memcpy(of_one, p->centre.outputs, sizeof p->centre.outputs);
-        for (int64_t j = 0; j < n; j++)
+        for (int64_t j = 0; j < all; j++)
             if (x[j] != 0.0) {
                 for (int64_t i = 0; i < n; i++)
                     by_one[i] -= model->A[stride * j + i] * x[j];
