@@ -1,6 +1,7 @@
 """Settings for all tests: one thread in the linear algebra, repeatable property tests."""
 
 import ctypes
+import gc
 import os
 import signal
 from collections.abc import Generator
@@ -37,6 +38,11 @@ ORDER = {name: place for place, name in enumerate((*FOLDERS_AT_ONCE, "studies", 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Long folders come first."""
     items.sort(key=lambda item: ORDER.get(item.path.relative_to(ROOT / "tests").parts[0], len(ORDER)))  # stable
+
+
+def pytest_collection_finish() -> None:
+    """What is imported and collected stays: the garbage collector looks at what tests make."""
+    gc.freeze()
 
 
 @pytest.hookimpl(optionalhook=True)

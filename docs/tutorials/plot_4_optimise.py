@@ -52,8 +52,8 @@ found = minimize(
     method="Nelder-Mead",
     options={
         "maxfev": 200,
-        "xatol": 0.01,
-        "fatol": 0.01,
+        "xatol": 0.05,
+        "fatol": 0.1,
         "initial_simplex": [begin, [begin[0] + 4.0, begin[1]], [begin[0], begin[1] + 4.0]],
     },
 )

@@ -6,6 +6,8 @@ Streams may be closed by the caller (``2>&-``), on a full disk, or a pipe that n
 from __future__ import annotations
 
 import argparse
+import atexit
+import gc
 import os
 import signal
 import sys
@@ -34,6 +36,7 @@ def run_command(command: Callable[[], int]) -> int:
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
         if getattr(sys, name) is None:  # closed: in this order each gets its own number, and no file of the run does
             setattr(sys, name, open(os.devnull, mode))  # noqa: SIM115
+    atexit.register(gc.freeze)  # at the end of the process all goes: nothing is looked for in it
     streams = sys.stdout, sys.stderr
     output = sys.stdout = _Stream(sys.stdout)
     errors = sys.stderr = _Stream(sys.stderr)

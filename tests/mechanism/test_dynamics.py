@@ -9,14 +9,18 @@ from hypothesis import strategies as st
 from support.claims import verify_claim
 from support.mechanics import PAPER, dynamics_at, pose_at, reference_cases, reference_pose, rigid
 
-from ps_fmu.mechanism.dynamics import leg_mass, payload_mass, rigid_body_mass
-from ps_fmu.mechanism.kinematics import jacobians, leg_vectors, platform_joints_B
+from ps_fmu.mechanism.dynamics import bus_mass, payload_mass, rigid_body_mass
+from ps_fmu.mechanism.kinematics import jacobians, leg_vectors, platform_jacobian, platform_joints_B
 from ps_fmu.mechanism.parameters import LegPart
 from ps_fmu.mechanism.rotations import rotation_matrix
 
 small = st.floats(-1.0, 1.0)
 twists = st.lists(small, min_size=6, max_size=6).map(np.array)
 orientations = st.lists(st.floats(-4.0, 4.0), min_size=3, max_size=3).map(tuple)  # deg
+
+
+def rigid_but_rods():
+    return replace(rigid(), manipulator=PAPER.manipulator)
 
 
 @pytest.mark.parametrize("case", reference_cases(), ids=lambda c: str(c["orientation_rpy_deg"]))
@@ -49,21 +53,22 @@ def test_rigid_body_mass_is_its_kinetic_energy() -> None:
 
 
 @given(orientations, twists, twists)
-def test_leg_energy_is_that_of_its_parts(rpy_deg, platform_twist, base_twist) -> None:
-    """Eq (21) against the sum over parts of (A1)-(A3), with velocities from the geometry."""
-    manipulator, pose = PAPER.manipulator, pose_at(rpy_deg)
-    geometry = manipulator.geometry
-    legs = manipulator.coarse_legs + manipulator.fine_legs
-    mass = leg_mass(legs, geometry, pose.translation_B, pose.rotation_BP)
-    vectors, arms = (
-        leg_vectors(geometry, pose.translation_B, pose.rotation_BP),
-        platform_joints_B(geometry, pose.rotation_BP),
-    )
+def test_energy_is_that_of_legs_payload_and_bus(rpy_deg, rates, base_twist) -> None:
+    """Eq (21): the sum over parts of (A1)-(A3), with velocities from the geometry; coarse rods get longer, too."""
+    p, pose = rigid_but_rods(), pose_at(rpy_deg)
+    d, geometry = dynamics_at(pose, p), p.manipulator.geometry
+    rate = np.concatenate([rates[3:], base_twist, rates[:3]])
+    t, R = pose.translation_B, pose.rotation_BP
+    relative = np.linalg.solve(platform_jacobian(geometry, t, R), rates)
+    platform = relative + base_twist + np.concatenate([np.cross(base_twist[3:], t), np.zeros(3)])
     energy = 0.0
-    for leg, vector, arm, base_arm in zip(legs, vectors, arms, geometry.base_joints_B, strict=True):
+    for leg, vector, arm, base_arm in zip(
+        p.manipulator.coarse_legs + p.manipulator.fine_legs,
+        leg_vectors(geometry, t, R), platform_joints_B(geometry, R), geometry.base_joints_B, strict=True,
+    ):  # fmt: skip
         length = np.linalg.norm(vector)
         n = vector / length
-        v_p = platform_twist[:3] + np.cross(platform_twist[3:], arm)
+        v_p = platform[:3] + np.cross(platform[3:], arm)
         v_b = base_twist[:3] + np.cross(base_twist[3:], base_arm)
         omega = np.cross(n, v_p - v_b) / length  # (A11)
         for part, velocity in (
@@ -71,12 +76,8 @@ def test_leg_energy_is_that_of_its_parts(rpy_deg, platform_twist, base_twist) ->
             (leg.lower, v_b + np.cross(omega, leg.lower.com_distance * n)),
         ):
             energy += 0.5 * part.mass * velocity @ velocity + 0.5 * part.radial_inertia * omega @ omega
-    ours = 0.5 * (
-        platform_twist @ mass.alpha @ platform_twist
-        + 2.0 * platform_twist @ mass.alpha_beta @ base_twist
-        + base_twist @ mass.beta @ base_twist
-    )
-    assert ours == pytest.approx(energy, rel=1e-12, abs=1e-15)
+    energy += 0.5 * platform @ payload_mass(p.payload, R) @ platform + 0.5 * base_twist @ bus_mass(p.bus) @ base_twist
+    assert 0.5 * rate @ d.M @ rate == pytest.approx(energy, rel=1e-12, abs=1e-15)
 
 
 @given(orientations, st.lists(small, min_size=3, max_size=3).map(np.array), twists)
@@ -86,18 +87,11 @@ def test_locked_coarse_leg_is_the_papers_one_body(rpy_deg, fine_rate, base_twist
     geometry = manipulator.geometry
     J = jacobians(geometry, pose.translation_B, pose.rotation_BP)
     platform_twist = J.J_pf @ fine_rate + J.J_pb @ base_twist  # coarse actuators locked
-    mass = leg_mass(manipulator.coarse_legs + manipulator.fine_legs, geometry, pose.translation_B, pose.rotation_BP)
     nothing = LegPart(mass=0.0, com_distance=0.0, radial_inertia=0.0)
     massless = tuple(replace(leg, lower=nothing, upper=nothing) for leg in manipulator.coarse_legs)
-    without = leg_mass(massless + manipulator.fine_legs, geometry, pose.translation_B, pose.rotation_BP)
-
-    def twice_energy(m) -> float:
-        return (
-            platform_twist @ m.alpha @ platform_twist
-            + 2.0 * platform_twist @ m.alpha_beta @ base_twist
-            + base_twist @ m.beta @ base_twist
-        )
-
+    whole, without = rigid(), rigid(replace(PAPER, manipulator=replace(manipulator, coarse_legs=massless)))
+    rate = np.concatenate([fine_rate, base_twist])
+    added = dynamics_at(pose, whole).M[:9, :9] - dynamics_at(pose, without).M[:9, :9]
     expected = 0.0
     vectors, arms = (
         leg_vectors(geometry, pose.translation_B, pose.rotation_BP),
@@ -126,7 +120,7 @@ def test_locked_coarse_leg_is_the_papers_one_body(rpy_deg, fine_rate, base_twist
         expected += (
             v_p @ (m_alpha * P) @ v_p + v_b @ (m * np.eye(3) + m_beta * P) @ v_b - 2.0 * m_alpha_beta * v_p @ P @ v_b
         )
-    assert twice_energy(mass) - twice_energy(without) == pytest.approx(expected, rel=1e-10, abs=1e-12)
+    assert rate @ added @ rate == pytest.approx(expected, rel=1e-9, abs=1e-9)
 
 
 @given(orientations)

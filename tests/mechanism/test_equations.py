@@ -54,12 +54,7 @@ class Motion:
         return x
 
     def find_moving(self):
-        struct, moving = self.mechanism.struct, np.ones(self.n)
-        moving[self.rods] = struct.mask[:3]
-        for where, modes in ((self.modes, struct.bus_modes), (self.truss, struct.payload_modes)):
-            count = where.stop - where.start
-            moving[where] = [float(mode.mobility > 0.0) for mode in modes[:count]]
-        return moving
+        return self.mechanism.describe_coordinates()[2].astype(float)
 
     def find_place(self, x, attitude=UNIT):
         coarse = np.concatenate([x[self.s], np.zeros(3)])
@@ -79,16 +74,13 @@ class Motion:
 
     def find_energy(self, x, u=STILL):
         """Kinetic and elastic, J."""
-        point, struct = self.evaluate(x, u), self.mechanism.struct
+        point = self.evaluate(x, u)
         t, R, J = point.read("motion", 3), point.read("motion", 12)[3:].reshape(3, 3), point.read("J_pl", 6, 6)
         M, m_c, _ = self.mechanism.find_masses(t, R, J, x[: self.n])
         rate, ds = x[self.n : 2 * self.n], x[self.ds]
         coarse = m_c[self.rods]
         kinetic = 0.5 * (rate @ M @ rate + 2.0 * rate @ m_c @ ds + ds @ coarse @ ds)
-        stiffness = np.zeros(self.n)
-        stiffness[:3], stiffness[self.rods] = struct.leg_stiffness[3:], struct.leg_stiffness[:3]
-        for where, modes in ((self.modes, struct.bus_modes), (self.truss, struct.payload_modes)):
-            stiffness[where] = [mode.stiffness for mode in modes[: where.stop - where.start]]
+        stiffness, _, _ = self.mechanism.describe_coordinates()
         return kinetic + 0.5 * stiffness @ x[: self.n] ** 2
 
     def move(self, x, u=STILL, size=1.0):

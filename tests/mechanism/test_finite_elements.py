@@ -12,9 +12,8 @@ from support.claims import verify_claim
 from support.mechanics import PAPER, pose_at
 from support.models import Host
 
-from ps_fmu.mechanism.centre import Centre
-from ps_fmu.mechanism.convection import convective_forces
-from ps_fmu.mechanism.dynamics import FlexibleSystem, rigid_body_mass
+from ps_fmu.mechanism.compiled import N_MOVING_INPUTS, Mechanism, Place
+from ps_fmu.mechanism.dynamics import rigid_body_mass
 from ps_fmu.mechanism.finite_elements import BoundaryNode, read_matrix, reduce_structure
 from ps_fmu.mechanism.instrument import read_instrument
 from ps_fmu.mechanism.linear_model import Plant
@@ -182,7 +181,7 @@ COARSE = np.array([0.012, -0.007, 0.004])  # m
 
 def find_transfer(plant, inputs, outputs, s):
     """From the linear model of the plant, (frequencies, outputs, inputs)."""
-    A, B, C, D = plant.linearise_about(Centre.at_rest(COARSE)).matrices()
+    A, B, C, D = plant.linearise(COARSE).matrices()
     found = C @ np.linalg.solve(s[:, None, None] * np.eye(len(A)) - A, B.astype(complex)) + D
     return found[:, outputs][:, :, inputs]
 
@@ -239,7 +238,7 @@ def test_the_fmu_has_the_modes_of_the_model(read):
     plant = Plant.from_parameters(p)
     values = {entry.name.replace(".", "__"): entry.value for entry in list_entries(plant)}
     host = Host("manipulator_plant", **values).run_mode()
-    model = host.slave.model
+    model = plant.linearise(np.zeros(3))
     host.set(base_torque__x=1.0)
     host.step(1e-4, 50)
     step, x = model.step_map(5e-3), plant.initial_state(model)
@@ -290,13 +289,17 @@ def test_a_slew_acts_on_a_torsion_as_on_its_masses():
     ring = [TrussMode(0.3, place, np.cross([0, 0, 1.0], place - [0.02, 0.01, 0.3]), 100.0, 0.01) for place in places]
     one = PayloadMode(100.0, 0.01, 0.5 * sum(mode.participation_at(np.zeros(3)) for mode in ring), 0.0, 0.0)
     np.testing.assert_allclose(one.participation_P[:3], 0.0, atol=1e-15)
-    speeds, forces = 0.1 * np.random.default_rng(2).normal(size=9), []
-    for flexible in ({"truss_modes": tuple(ring)}, {"truss_modes": (), "modes": (one,)}):
-        system = FlexibleSystem(PAPER.manipulator, replace(PAPER.payload, **flexible), PAPER.bus)
-        d = system.at(pose_at((3.0, -4.0, 5.0)))
-        forces.append(convective_forces(system, d, speeds)[d.slices["x_t"]])
+    pose, forces = pose_at((3.0, -4.0, 5.0)), []
+    at = pose.translation_B, pose.rotation_BP
+    for mass, flexible in ((0.3, {"truss_modes": tuple(ring)}), (1.0, {"truss_modes": (), "modes": (one,)})):
+        mechanism = Mechanism(PAPER.manipulator, replace(PAPER.payload, **flexible), PAPER.bus)
+        n, x = mechanism.n, np.zeros(mechanism.n_states)
+        x[n : n + 9] = 0.1 * np.random.default_rng(2).normal(size=9)  # m/s, rad/s
+        mechanism.struct.mask[:] = [0.0] * 12  # nothing but the modes accelerates
+        point = mechanism.evaluate(Place.of(*at, at, np.array([1.0, 0.0, 0.0, 0.0])), x, np.zeros(N_MOVING_INPUTS))
+        forces.append(mass * point.read("rates", 2 * n)[2 * n - mechanism.struct.n_payload :])
     assert np.abs(forces[1]).max() > 1e-5
-    np.testing.assert_allclose(forces[1][0], 0.5 * forces[0].sum(axis=0) / np.sqrt(0.3), atol=1e-12)
+    assert forces[1][0] == pytest.approx(0.5 * forces[0].sum() / np.sqrt(0.3), abs=1e-12)
 
 
 def test_a_reduced_model_and_other_axes_and_several_nodes_give_the_same_modes():

@@ -8,9 +8,8 @@ import scipy.signal
 from scipy.linalg import expm
 from support.mechanics import PAPER, relative_error, to_rotation_matrix
 
-from ps_fmu.mechanism.centre import Centre
 from ps_fmu.mechanism.discretisation import zero_order_hold
-from ps_fmu.mechanism.kinematics import forward_kinematics, jacobians
+from ps_fmu.mechanism.kinematics import forward_kinematics
 from ps_fmu.mechanism.linear_model import Plant, momentum
 from ps_fmu.mechanism.parameters import Optics
 from ps_fmu.mechanism.quantities import ParameterError
@@ -199,7 +198,7 @@ def test_inactive_coordinates_stay_zero() -> None:
     plant = replace(PLANT, manipulator=replace(PAPER.manipulator, coarse_rods=rods))
     model = plant.linearise(STILL)
     e_c = model.dynamics.slices["e_c"]
-    u = np.concatenate([np.ones(N_EXTERNAL), 1e-3 * np.ones(3), [0.0, 0.0, 1.0]])
+    u = np.concatenate([np.ones(N_EXTERNAL), 1e-3 * np.ones(3), [1.0]])
     x = (model.step_map(0.1) @ np.concatenate([plant.initial_state(model), u]))[N_OUTPUTS:]
     np.testing.assert_array_equal(x[e_c], 0.0)
     assert np.abs(x[0:3]).min() > 0.0
@@ -220,49 +219,12 @@ def test_parameters_are_used_as_given() -> None:
     assert heavier.dynamics.M[3, 3] - PLANT.linearise(STILL).dynamics.M[3, 3] == pytest.approx(20.0 - 14.89)
 
 
-def test_models_made_together_are_those_made_one_by_one_to_the_bit():
-    """A restored FMU state makes its model by itself, where the first one was made with two others."""
-    random = np.random.default_rng(7)
-    at_rest = Centre.at_rest(np.array([0.01, -0.02, 0.005]))
-    centres = [
-        replace(
-            at_rest,
-            coarse=random.uniform(-0.02, 0.02, 3) * size,
-            fine=random.uniform(-1e-4, 1e-4, 3) * size,
-            speeds=random.uniform(-0.01, 0.01, 9) * size,
-        )
-        for size in (1.0, 1e-3, 1.0, 1e-6)
-    ]
-    centres.insert(2, at_rest)
-    beside = random.uniform(-0.02, 0.02, (2, 6))
-    models = PLANT.linearise_about_all(centres)
-    first, others, places = PLANT.linearise_on_way(centres[0], centres[1:], beside)
-    geometry = PAPER.manipulator.geometry
-    for k, displacements in enumerate(beside):
-        found = forward_kinematics(geometry, geometry.nominal_lengths + displacements)
-        np.testing.assert_allclose(places.pose.translation_B[k], found.translation_B, rtol=0.0, atol=1e-15)
-        np.testing.assert_allclose(places.pose.rotation_BP[k], found.R, rtol=0.0, atol=2e-15)
-        J = jacobians(geometry, found.translation_B, found.R)
-        np.testing.assert_allclose(places.jacobians[k].J_pl, J.J_pl, rtol=0.0, atol=1e-13)
-    for together, centre, matrices in zip(models, centres, [first.matrices(), *others], strict=True):
-        alone = PLANT.linearise_about(centre)
-        for each in (together.matrices(), matrices):
-            for ours, theirs in zip(each, alone.matrices(), strict=True):
-                assert ours.tobytes() == theirs.tobytes()
-        assert together.dynamics.pose.rotation_BP.tobytes() == alone.dynamics.pose.rotation_BP.tobytes()
-        assert together.dynamics.M.tobytes() == alone.dynamics.M.tobytes()
-        assert (together.convection is None) == (alone.convection is None) == (not centre.speeds.any())
-        if together.convection is not None and alone.convection is not None:
-            assert together.convection.tobytes() == alone.convection.tobytes()
-        assert together.rpy.tobytes() == alone.rpy.tobytes()
-
-
 def test_a_pose_whose_pitch_is_90_degrees_is_refused_in_words(monkeypatch):
     """Strokes that reach it are far beyond the paper's: its angles are made to fail."""
 
     def fail(*_):
         raise GimbalLockError("pitch is 90 deg")
 
-    monkeypatch.setattr(Plant, "_find_places", fail)
+    monkeypatch.setattr(Plant, "_find_pose", fail)
     with pytest.raises(ParameterError, match=r"coarse_stroke: too large: no usable pose .*; pitch is 90 deg"):
         Plant.from_parameters(PAPER).linearise(np.zeros(3))

@@ -14,7 +14,8 @@ from ps_fmu.cosim import UsageError
 from ps_fmu.disturbance.gaussian import GaussianNoise
 from ps_fmu.interface.system_model import read_model
 from ps_fmu.runs.options import OptionError, RunOptions
-from ps_fmu.runs.setup import collect_parameters, load_system
+from ps_fmu.runs.setup import load_system
+from ps_fmu.runs.system import collect_parameters
 
 BAND = "disturbance.noise.band.max"
 

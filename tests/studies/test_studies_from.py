@@ -184,7 +184,8 @@ def test_what_is_in_the_state_is_refused_by_name_when_the_study_is_planned(settl
     assert CaseRunner(prepared.bundle.unpack(tmp_path)).run(1, prepared.plan.values(1))["status"] == DONE
     label = {"[[vary]]": '[runs.active]\n"first.label" = "x"\n[[vary]]'}
     with pytest.raises(StudyError, match=(
-        r"(?s)from, checkpoint: run 'active': .*first\.label is a fixed parameter.*it is none there, x here.*"
+        r"(?s)from, checkpoint: run 'active': .*first\.label is a fixed parameter.*its value is none in "
+        r"the checkpoint and x in this.*"
         r"the key anew of \[from\] for first"
     )):  # fmt: skip
         plan(label)

@@ -72,7 +72,7 @@ def test_what_is_no_number_of_metres_is_refused(given, problem):
         ("[study]", "[study", "is not a TOML file"),
         ("seed = 7", 'seed = 7\nisolate = ["toi"]', r"study, isolate: .*'toi'"),
         ("seed = 7", 'seed = 7\nisolate = 1', "isolate: expected a name, or a list of names"),
-        ("seed = 7", 'seed = 7\nstep_timeout = "1 s"', "step_timeout: only FMUs with .* give isolate, too"),
+        ("seed = 7", 'seed = 7\nstep_timeout = "1 s"', "step_timeout: needs isolate: only an FMU in"),
         ('low = "1"', 'multiple_of = "0"\nlow = "1"', r"multiple_of: expected a number above 0"),
         ('low = "1"', 'multiple_of = "3"\nlow = "1"', r"multiple_of: there is no multiple of 3 between 1 and 2"),
         ('low = "1"\nhigh = "2"', 'relative = "9 %"\nlow = "1"', "either low and high, or relative"),

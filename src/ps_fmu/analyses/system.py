@@ -12,7 +12,8 @@ from ..cosim.structure import Parameter
 from ..product.files import find_product
 from ..runs.built_fmus import provide_fmus
 from ..runs.options import OptionError
-from ..runs.setup import NOISE, RECORDING_PATH, RunSystem, read_instrument_values
+from ..runs.setup import read_instrument_values
+from ..runs.system import NOISE, RECORDING_PATH, RunSystem
 from .table import AnalysisOptions
 
 

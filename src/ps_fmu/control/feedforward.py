@@ -21,7 +21,7 @@ from functools import lru_cache
 import numpy as np
 
 from ..mechanism.discretisation import make_held_step_map, zero_order_hold
-from ..mechanism.dynamics import Pose, leg_mass_on, payload_mass
+from ..mechanism.dynamics import Pose, find_fine_mass
 from ..mechanism.kinematics import jacobians
 from ..mechanism.parameters import FeedforwardFilters, Manipulator, Payload
 from ..mechanism.quantities import Array, Complex
@@ -44,11 +44,10 @@ class Gains:
 def gains(manipulator: Manipulator, payload: Payload, pose: Pose) -> Gains:
     """Eqs (52)-(54) at a pose, for the payload as the controller knows it (its inertia does not matter)."""
     J = jacobians(manipulator.geometry, pose.translation_B, pose.rotation_BP)
-    legs = leg_mass_on(manipulator.coarse_legs + manipulator.fine_legs, manipulator.geometry, J)
     follow = np.linalg.solve(J.J_theta_f, J.J_theta_b)  # fine elongation that undoes the base rotation
-    mass = payload_mass(payload, pose.rotation_BP) + legs.alpha
+    by_legs, by_base = find_fine_mass(manipulator, payload, pose, J)
     return Gains(
-        acceleration=J.J_pf.T @ (mass @ (J.J_pb - J.J_pf @ follow) + legs.alpha_beta),
+        acceleration=by_base - by_legs @ follow,
         velocity=-np.array([[leg.damping] for leg in manipulator.fine_legs]) * follow,
         displacement=-np.array([[leg.stiffness] for leg in manipulator.fine_legs]) * follow,
     )
@@ -146,11 +145,11 @@ class Controller:
     @property
     def n_states(self) -> int:
         """Size of ``x``."""
-        return count_states(self.lowpass.order)
+        return 12 + 3 * self.lowpass.order
 
     def matrices(self) -> tuple[Array, Array, Array, Array]:
         """A, B, C, D of ``x' = A x + B a``, ``f = C x + D a``."""
-        A, B = make_filters(self.lowpass, self.filters)
+        A, B = _filters(self.lowpass, self.filters)
         return A, self._driven(B), *self._outputs()
 
     def output_map(self) -> Array:
@@ -180,7 +179,7 @@ class Controller:
         return np.asarray(sum(filtered[..., None, None] * gain for filtered, gain in parts))
 
     def _driven(self, B: Array) -> Array:
-        """What drives the filters, (n, 6): B of :func:`make_filters` with the forces made from the acceleration."""
+        """What drives the filters, (n, 6): B of the filters with the forces made from the acceleration."""
         return np.asarray(B[:, :6] + B[:, 6:] @ self.gains.acceleration)
 
     def _outputs(self) -> tuple[Array, Array]:
@@ -192,14 +191,9 @@ class Controller:
         return C, low.d * self.gains.acceleration
 
 
-def count_states(order: int) -> int:
-    """Size of the state of a controller with a low-pass of an order."""
-    return 12 + 3 * order
-
-
-def make_filters(lowpass: Lowpass, filters: FeedforwardFilters) -> tuple[Array, Array]:
+def _filters(lowpass: Lowpass, filters: FeedforwardFilters) -> tuple[Array, Array]:
     """A and B of ``x' = A x + B [q_b''; K_a q_b'']``, (n, n) and (n, 9): the part that no pose changes."""
-    n, omega = count_states(lowpass.order), 2.0 * np.pi * filters.highpass_frequency
+    n, omega = 12 + 3 * lowpass.order, 2.0 * np.pi * filters.highpass_frequency
     A, B = np.zeros((n, n)), np.zeros((n, 9))
     p, v = slice(0, 6), slice(6, 12)
     A[p, v] = np.eye(6)
@@ -214,7 +208,7 @@ def make_filters(lowpass: Lowpass, filters: FeedforwardFilters) -> tuple[Array, 
 @lru_cache(maxsize=8)
 def _held_filters(lowpass: Lowpass, filters: FeedforwardFilters, h: float) -> tuple[Array, Array]:
     """The filters over a step of ``h`` (s) with the input held; read-only."""
-    held = zero_order_hold(*make_filters(lowpass, filters), h)
+    held = zero_order_hold(*_filters(lowpass, filters), h)
     for matrix in held:
         matrix.setflags(write=False)
     return held

@@ -13,6 +13,7 @@ from ctypes import POINTER, Structure, c_double, c_int64, c_void_p
 from functools import cache, lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..native import NotCompiledError, load
 from .modes import MOST_BUS_MODES, MOST_PAYLOAD_MODES, MOST_TRUSS_MODES, BusMode, PayloadMode, TrussMode, drop_unused
@@ -109,20 +110,21 @@ class Mechanism:
 
     Parameters
     ----------
-    prescribed: the base moves as its input states; mass and modes of the bus are left out.
+    prescribed: the base moves as its input states; mass and modes of the bus are left out, as without a bus.
     """
 
     def __init__(
         self,
         manipulator: Manipulator,
         payload: Payload,
-        bus: Bus,
+        bus: Bus | None,
         servo: CoarseServo | None = None,
         optics: Optics | None = None,
         *,
         prescribed: bool = False,
     ) -> None:
         self.struct = m = _Mechanism()
+        prescribed = prescribed or bus is None
         geometry, rods = manipulator.geometry, manipulator.coarse_rods
         m.base_joint[:] = geometry.base_joints_B.ravel()
         m.platform_joint[:] = geometry.platform_joints_P.ravel()
@@ -138,7 +140,7 @@ class Mechanism:
             m.servo_stiffness, m.servo_damping = omega**2, 2.0 * servo.damping_ratio * omega
         if optics is not None:
             m.focal_length = optics.focal_length
-        bus_modes: Sequence[BusMode] = () if prescribed else drop_unused(bus.modes)
+        bus_modes: Sequence[BusMode] = () if bus is None or prescribed else drop_unused(bus.modes)
         payload_modes: Sequence[TrussMode | PayloadMode] = drop_unused((*payload.truss_modes, *payload.modes))
         counts = ("bus", len(bus_modes), len(m.bus_modes)), ("payload", len(payload_modes), len(m.payload_modes))
         for name, found, most in counts:
@@ -146,7 +148,7 @@ class Mechanism:
                 raise ParameterError(f"{name}.modes", f"{found} modes; at most {most} are possible")
         m.n_bus, m.n_payload = len(bus_modes), len(payload_modes)
         less = np.zeros((6, 6))
-        if not prescribed:
+        if bus is not None and not prescribed:
             m.bus[:] = _join(bus.mass, bus.com_B, bus.inertia_B)
             for to, mode in zip(m.bus_modes, bus_modes, strict=False):
                 _fill(to, mode.participation_B, np.zeros(6), 1.0, mode, np.zeros(2))
@@ -169,6 +171,17 @@ class Mechanism:
     def n(self) -> int:
         """Number of coordinates, those that are switched off included."""
         return 12 + int(self.struct.n_bus) + int(self.struct.n_payload)
+
+    def describe_coordinates(self) -> tuple[Array, Array, NDArray[np.bool_]]:
+        """Stiffness and damping (n,) of each coordinate, and which are not switched off; rods as last damped."""
+        m, base = self.struct, np.array([0.0, 0.0, 1.0])
+        legs = np.array([[m.leg_stiffness[i], m.leg_damping[i], m.mask[i]] for i in range(6)])
+        bus, payload = (
+            np.array([[mode.stiffness, mode.damping, mode.mobility] for mode in modes[:count]]).reshape(-1, 3)
+            for modes, count in ((m.bus_modes, m.n_bus), (m.payload_modes, m.n_payload))
+        )
+        stiffness, damping, moves = np.concatenate([legs[3:], np.tile(base, (6, 1)), bus, legs[:3], payload]).T
+        return stiffness, damping, moves > 0.0
 
     def damp_rods(self, M: Array) -> Array:
         """Damping (3,) of the coarse rods, N.s/m, with the masses that they carry in M (n, n); taken from then on."""

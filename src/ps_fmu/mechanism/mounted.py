@@ -27,7 +27,6 @@ from functools import cached_property
 
 import numpy as np
 
-from .convection import TURN
 from .discretisation import make_held_step_map, zero_order_hold
 from .dynamics import Dynamics, rigid_body_mass
 from .linear_model import PlantModel
@@ -218,18 +217,13 @@ class HostedModel:
         What acts on the payload from outside, and convective forces, without those of the locked mass, which the host
         has.
         """
-        d, centre = self.model.dynamics, self.model.centre
+        d = self.model.dynamics
         by_state, by_input, inertia = self._own
         A, B, _, _, _, _ = self._held
         P = relative_momentum(self.model)
         by_input = by_input.copy()
         by_input[:, _WRENCH] = 0.0  # the host applies its own forces to its own hub
         of_state, of_input = inertia @ by_state + P @ A, inertia @ by_input + P @ B
-        q_b = d.slices["q_b"]
-        turn = centre.speeds[TURN]
-        of_turn = gyroscopic_rates(d.M[q_b, q_b], turn)
-        of_state[:, self.rate_places] += of_turn
-        of_input[:, -1] -= 0.5 * of_turn @ turn
         motion = np.zeros((6, N_MOTION))
         motion[:, 6:] = of_state[:, self.rate_places]
         of_state[:, np.r_[promised_impulse(d), self.rate_places]] = 0.0
@@ -277,11 +271,6 @@ def relative_momentum(model: PlantModel) -> Array:
     rows[:, n : 2 * n] = d.M[d.slices["q_b"]] * others
     rows[:, servo_slices(n)[1]] = d.m_c[d.slices["q_b"]]
     return rows
-
-
-def relative_momentum_taken(old: PlantModel, new: PlantModel, x: Array) -> Array:
-    """Relative momentum (6,), N.s and N.m.s, that the state ``x`` loses when ``new`` replaces ``old``."""
-    return np.asarray((relative_momentum(old) - relative_momentum(new)) @ x)
 
 
 def promised_impulse(d: Dynamics) -> Array:

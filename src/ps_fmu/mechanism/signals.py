@@ -61,12 +61,12 @@ LOCKED = (
 #: Size of ``y``.
 N_OUTPUTS = sum(len(signal.components) for signal in OUTPUTS)
 #: Size of ``u``.
-N_INPUTS = 24
+N_INPUTS = 22
 #: Fine forces and base wrench, the first inputs.
 N_LOADS = 9
 #: With further fine forces and payload wrench: what acts from outside.
 N_EXTERNAL = 18
-ADDED, PAYLOAD, RATE, TIME = slice(9, 12), slice(12, 18), slice(18, 21), slice(21, 23)
+ADDED, RATE = slice(9, 12), slice(18, 21)
 
 
 def output_slices() -> dict[str, slice]:

@@ -134,8 +134,11 @@ class PlantStep:
         unit = self._make_room(stride * n)
         unit.reshape(n, stride)[np.arange(n), np.arange(n)] = 1.0
         p.unit, p.work.room = find_address(unit), find_address(self._make_room(library.discretise_room(n)))
-        p.operand, p.result = (find_address(self._make_room(size)) for size in (max(2 * n, given), max(stride, _pad(N_OUTPUTS))))
-        matrices = ("motion", n, 2 * n), ("change", 3 + mechanism.n, n), ("rest", n, given), ("outputs", N_OUTPUTS, given)
+        sizes = max(2 * n, given), max(stride, _pad(N_OUTPUTS))
+        p.operand, p.result = (find_address(self._make_room(size)) for size in sizes)
+        matrices = (
+            ("motion", n, 2 * n), ("change", 3 + mechanism.n, n), ("rest", n, given), ("outputs", N_OUTPUTS, given)
+        )  # fmt: skip
         for model in p.models:
             model.A = find_address(self._make_room(stride * given))
             for k, (name, rows, columns) in enumerate(matrices):

@@ -28,8 +28,9 @@ from .keeping import CaseKeeper, SinceStart, leave_no_empty_file
 from .options import RESULTS, RunOptions
 from .origin import format_settings, write_origin
 from .runner import Runner
-from .setup import NOISE, RunSystem, select_stored
+from .setup import select_stored
 from .stored_rows import make_stored_names, rename_columns, watch_motion
+from .system import NOISE, RunSystem
 
 Array = NDArray[np.float64]
 

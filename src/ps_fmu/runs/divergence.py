@@ -20,8 +20,8 @@ from ..pointing.response import find_growth
 from ..results.datasets import open_results
 from ..theory.stability import describe_unstable
 from .options import RESULTS, RunOptions
-from .setup import RunSystem
 from .stored_rows import make_stored_names
+from .system import RunSystem
 
 Array = NDArray[np.float64]
 

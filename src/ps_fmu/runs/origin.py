@@ -23,7 +23,7 @@ from ..cosim.structure import Component, Value
 from ..reduction.columns import NETCDF_LOCK
 from ..results.summary import FmuFile, versions
 from .options import NOT_KEPT, SOURCE, RunOptions, name_option
-from .setup import SEED, RunSystem, has_disturbance
+from .system import SEED, RunSystem, has_disturbance
 
 PARAMETERS = "parameters"
 """Name of the group of start values."""

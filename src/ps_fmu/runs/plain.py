@@ -19,8 +19,9 @@ from .cases import Case, Outcome, run_case
 from .options import PLOT, RESULTS, SOURCE
 from .publish import Findings
 from .run import Run
-from .setup import RunSystem, select_stored
+from .setup import select_stored
 from .stored_rows import make_stored_names
+from .system import RunSystem
 
 CASE = "run"
 """Name of the run, and of its group in results.nc."""

@@ -17,8 +17,8 @@ from ..results.tables import Table, format_tables
 from .cases import Outcome
 from .divergence import LoopState, judge_loops
 from .options import REPORT, RESULTS, SUMMARY, RunOptions
-from .setup import SEED, RunSystem, collect_parameters, has_disturbance
 from .stored_rows import finish_file
+from .system import SEED, RunSystem, collect_parameters, has_disturbance
 
 States = Mapping[str, LoopState]
 

@@ -15,8 +15,9 @@ from .options import OptionError, RunOptions
 from .output import remove_old_values
 from .publish import Done, Findings, publish
 from .runner import Runner
-from .setup import RunSystem, load_system, read_files, settle_times
+from .setup import load_system, read_files, settle_times
 from .stored_rows import KeptRows
+from .system import RunSystem
 
 
 class Run:

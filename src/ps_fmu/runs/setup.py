@@ -1,11 +1,10 @@
-"""The system of a run: the wiring, the scenario's settings, the user's parameter files, and what they add up to."""
+"""Makes the system of a run: the wiring, the settings of the scenario, the parameter files of the user."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from pathlib import Path
 
 from fmpy.model_description import ModelDescription
@@ -13,123 +12,37 @@ from fmpy.model_description import ModelDescription
 from ..cosim import System, UsageError, Value, read_parameters, read_system
 from ..cosim.clock import StepClock
 from ..cosim.columns import list_run_columns
-from ..cosim.description import convert_value, find_variable, get_unit, index_variables, read_descriptions, read_start
+from ..cosim.description import index_variables, read_descriptions
 from ..cosim.faults.active import make_faults
-from ..cosim.faults.reading import FaultFile, read_faults
+from ..cosim.faults.reading import read_faults
 from ..cosim.graph import Wiring, check_wiring
 from ..cosim.recording.thinner import matches, select_names
 from ..cosim.replacing import replace_components
 from ..cosim.rows import Column
 from ..cosim.schemes.resolving import resolve_scheme
 from ..cosim.schemes.scheme import Scheme, make_scheme
-from ..cosim.signals import Signal, read_signals
+from ..cosim.signals import read_signals
 from ..cosim.ssp.reading import complete_experiment, fit_duration, read_any_system
 from ..cosim.structure import Parameter, PortName, parse_port
-from ..interface.linear_system import Circuit
 from ..interface.system_model import DELAYS
 from ..mechanism.quantities import ParameterError
-from ..results.observers.bins import MeanObserver
-from ..results.summary import FmuFile
 from ..theory.sampled import round_delay
 from .index_record import IndexLog
-from .judge import RunJudge, read_judge
-from .logs import CostLog, WarningLog
+from .judge import read_judge
+from .logs import WarningLog
 from .options import PARAMETERS, OptionError, RunOptions
-from .runner import Runner
-from .scenario import Need
-from .stored_rows import KeptRows
+from .system import HIGHEST_NOISE, LOWEST_NOISE, MULTISINE, NOISE, RECORDING_PATH, SEED, RunSystem, has_disturbance
 
-SEED = "disturbance.seed"
-_PATH = "recording.path"
-RECORDING_PATH = f"disturbance.{_PATH}"
 BASE, OWN_BASE = "plant.base", "own"
-NOISE, MULTISINE = "disturbance.noise.enabled", "disturbance.noise.multisine"
-DISTURBED = (Need(SEED, "parameter", "Integer"), Need(NOISE, "parameter", "Boolean"))
-"""What scenarios need that set the disturbance themselves."""
-LOWEST_NOISE, HIGHEST_NOISE = "disturbance.noise.band.min", "disturbance.noise.band.max"  # Hz
 #: Highest frequency of the noise over the rate of the steps.  What is above half that rate would fold down to low
 #: frequencies, where the same force moves the bus a thousand times more.
 HIGHEST_PER_RATE = 0.4
-
-
 SCHEME = "--scheme and --rate"
 """What an :class:`.options.OptionError` begins with that is about the order of exchange."""
 
 
 class ColumnsError(UsageError):
     """Inputs over time, or outputs of the system, that cannot be."""
-
-
-@dataclass(frozen=True, eq=False)
-class RunSystem:
-    """The system of a run: its files are read once, by :func:`load_system`."""
-
-    structure: System
-    """Wiring and start values."""
-    descriptions: Mapping[str, ModelDescription]
-    """Model descriptions of the FMUs by component."""
-    given: Mapping[str, Parameter]
-    """What the user's parameter files set, by ``component.variable``."""
-    scheme: Scheme = Scheme()
-    """How the FMUs exchange values, with rates that the system states."""
-    warnings: WarningLog = field(default_factory=WarningLog)
-    """What the user should know about the run."""
-    judge: RunJudge = field(default_factory=RunJudge)
-    """The requirements, and what is needed for their verdicts."""
-    indices: IndexLog = field(default_factory=IndexLog)
-    """The pointing error indices of the runs."""
-    costs: CostLog = field(default_factory=CostLog)
-    """Where the time of the runs goes, if the options ask for it."""
-    faults: FaultFile | None = None
-    """What happens to signals and parameters in each run."""
-    inputs: Mapping[str, Signal] = field(default_factory=dict)
-    """Inputs over time, by the name of an input of the system or by ``component.variable``."""
-    also: frozenset[PortName] = frozenset()
-    """Variables that are recorded beside the outputs."""
-    columns: tuple[Column, ...] = ()
-    """All that a run can record."""
-    kept: KeptRows | None = None
-    """Where the rows of the runs are kept in memory; None: they are written into results.nc."""
-    motions: dict[str, MeanObserver] = field(default_factory=dict)
-    """Mean motion of base and payload in the rows of each case that are written into results.nc."""
-    circuits: dict[tuple[object, ...], Circuit] = field(default_factory=dict)
-    """Linear models of cases, by their step and what they set, see :mod:`.divergence`."""
-    runner: Runner | None = None
-    """Has the FMUs, where they stay loaded from run to run."""
-
-    @cached_property
-    def fmus(self) -> tuple[FmuFile, ...]:
-        """Name and SHA-256 of the FMU of each component."""
-        return tuple(FmuFile.of(component.source) for component in self.structure.components)
-
-    def get_start(self, name: str) -> Value:
-        """The value that ``component.variable`` will start with: as set in the system, or else as its FMU has it.
-
-        Raises :class:`ps_fmu.cosim.UsageError` for a value that is not of the variable's type or unit.
-        """
-        port = self.structure.find_port(name)
-        entry = self.structure.component(port.component).parameters.get(port.variable)
-        variable = find_variable(self.descriptions[port.component], port.variable)
-        if entry is None:
-            return read_start(variable)
-        unit = get_unit(variable)
-        if entry.unit and unit and entry.unit != unit:
-            raise UsageError(f"{name} ({entry.origin}): is given in {entry.unit!r}, its unit is {unit!r}")
-        try:
-            return convert_value(variable, entry.value)
-        except UsageError as error:
-            raise UsageError(f"{name} ({entry.origin}): {error}") from error
-
-    def get_number(self, name: str) -> float:
-        """:meth:`get_start` of a number."""
-        return float(self.get_start(name))
-
-    def get_origin(self, name: str) -> str:
-        """Where the start value of ``component.variable`` comes from: a file with its line, or the FMU."""
-        port = self.structure.find_port(name)
-        component = self.structure.component(port.component)
-        entry = component.parameters.get(port.variable)
-        return component.source.name if entry is None else entry.origin
 
 
 @dataclass(frozen=True, eq=False)
@@ -269,7 +182,7 @@ def load_system(
         also=frozenset(also), columns=columns,
     )  # fmt: skip
     source = parse_port(SEED).component
-    if disturbed and _PATH in structure.component(source).parameters:
+    if disturbed and parse_port(RECORDING_PATH).variable in structure.component(source).parameters:
         from .recorded import explain_drift  # with all kinds of disturbance, which other runs do not need
 
         for text in explain_drift(structure, source, options.duration_s):
@@ -342,13 +255,6 @@ def describe_rounding(name: str, origin: str, set_s: float, acts_s: float, step_
         f"{name}: {set_s:g} s ({origin}) is not a multiple of the step of {step_s:g} s. The FMU rounds it up: it "
         f"delays by {acts_s:.6g} s. Set {below}{acts_s:.6g} s to choose the delay."
     )
-
-
-def has_disturbance(descriptions: Mapping[str, ModelDescription]) -> bool:
-    """Whether there is a disturbance source of ps_fmu: a component of another maker may have the same name."""
-    component = parse_port(SEED).component
-    known = index_variables(descriptions[component]) if component in descriptions else {}
-    return all(parse_port(name).variable in known for name in (SEED, HIGHEST_NOISE))
 
 
 def settle(structure: System, wiring: Wiring) -> System:
@@ -427,27 +333,6 @@ def select_stored(columns: Sequence[Column], patterns: Sequence[str]) -> list[st
         return select_names((column.name for column in columns), patterns)
     except UsageError as error:
         raise OptionError(f"--observe: {error}") from error
-
-
-def collect_parameters(options: RunOptions, system: RunSystem) -> dict[str, object]:
-    """Options, the seed, and all start values that differ from those of the FMUs, for report and summary."""
-    found: dict[str, object] = {
-        "scenario": options.scenario.name,
-        "duration (s)": options.duration_s,
-        "step (s)": options.step_s,
-        "storage step (s)": options.storage_s,
-        "scheme": str(system.scheme),
-        **({SEED: system.get_start(SEED)} if has_disturbance(system.descriptions) else {}),
-        **({} if options.faults is None else {"faults": options.faults.name}),
-    }
-    for component in system.structure.components:
-        variables = index_variables(system.descriptions[component.name])
-        found |= {
-            f"{component.name}.{name}": entry.value
-            for name, entry in component.parameters.items()
-            if variables[name].start is None or entry.value != read_start(variables[name])
-        }
-    return found
 
 
 def limit_noise(system: RunSystem, step_s: float) -> RunSystem:

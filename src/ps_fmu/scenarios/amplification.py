@@ -12,7 +12,7 @@ from ..interface.system_model import ISOLATOR, SENSORS, SOURCE, LinearModelError
 from ..mechanism.quantities import Array, ParameterError
 from ..runs.divergence import describe_loop
 from ..runs.options import RunOptions
-from ..runs.setup import RunSystem
+from ..runs.system import RunSystem
 from ..theory.stability import UnstableError
 from ..theory.transfer_matrices import place_frequencies
 from .comparison import AXES, TARGET, Comparison

@@ -28,7 +28,7 @@ from ..runs.judge import USUAL_LEVEL, RunJudge
 from ..runs.options import RunOptions
 from ..runs.publish import Findings
 from ..runs.scenario import list_needs
-from ..runs.setup import NOISE, RECORDING_PATH, RunSystem, has_disturbance
+from ..runs.system import NOISE, RECORDING_PATH, RunSystem, has_disturbance
 from .jitter_record import JITTER_SIGNALS, JitterRecord
 from .jitter_record import NEEDS as RECORDED
 

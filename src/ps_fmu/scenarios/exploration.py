@@ -30,8 +30,8 @@ from ..results.page.content import (
 from ..results.style import engineering
 from ..results.tables import format_angles
 from ..runs.cases import Outcome
-from ..runs.setup import RunSystem
 from ..runs.stored_rows import MOTION, watch_motion
+from ..runs.system import RunSystem
 from .comparison import CASES, Comparison
 from .jitter_record import ORIENTATION, ROTATION
 

@@ -18,7 +18,7 @@ from ..runs.options import OptionError, RunOptions
 from ..runs.publish import Findings
 from ..runs.run import Run
 from ..runs.scenario import list_needs
-from ..runs.setup import DISTURBED, RunSystem
+from ..runs.system import DISTURBED, RunSystem
 from ..theory.line_of_sight import PointingLoop
 from .comparison import (
     ATTITUDE,

@@ -21,7 +21,7 @@ from ..mechanism.parameters import load
 from ..mechanism.quantities import Array, take_values
 from ..pointing.response import Response
 from ..runs.options import OptionError
-from ..runs.setup import RunSystem
+from ..runs.system import RunSystem
 from ..sensors.line_of_sight import DEFAULT_TRACKER, Tracker
 from ..theory.line_of_sight import AXES, AxisMargins, PointingLoop, Timing, margins_of
 from ..theory.loop import loop_of

@@ -12,7 +12,7 @@ import numpy as np
 from ..results.observers.bins import Envelope
 from ..results.page.content import Axis, Chart, ChartGroup, Curve, Exploration, Spans, Still
 from ..results.tables import Table
-from ..runs.setup import RunSystem
+from ..runs.system import RunSystem
 from ..sensors.line_of_sight import Tracker
 from ..theory.line_of_sight import (
     AXES,

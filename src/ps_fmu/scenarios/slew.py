@@ -24,7 +24,7 @@ from ..runs.cases import Case, run_case
 from ..runs.options import OptionError
 from ..runs.publish import Findings
 from ..runs.run import Run
-from ..runs.setup import RunSystem
+from ..runs.system import RunSystem
 from .comparison import DRIVEN, ENABLED, TARGET, describe_alone, explain_refusal, read_target
 from .exploration import (
     FEWEST_ROWS,

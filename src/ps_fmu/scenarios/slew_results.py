@@ -2,7 +2,7 @@
 
 The nominal orientation, which the coarse legs set, has to be the target, and with the isolator off so has the relative
 orientation, of the platform on the bus.  With the isolator on the latter cannot be the target: the bus has turned, and
-the payload has not.  That is a finding, with its closed form beside it (:mod:`..mechanism.momentum`).
+the payload has not.  That is a finding, with its closed form beside it (:mod:`..mechanism.reaction`).
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 
 from ..interface.start_values import build_plant_and_isolator
 from ..mechanism.kinematics import KinematicsError
-from ..mechanism.momentum import find_reaction
 from ..mechanism.parameters import ParameterError
+from ..mechanism.reaction import find_reaction
 from ..mechanism.rotations import orientation_rate_map
 from ..requirements.verdict import Answer, count_answers, format_margin
 from ..results.page.content import VerdictRow
 from ..results.tables import Table, format_angles, format_number
-from ..runs.setup import RunSystem
+from ..runs.system import RunSystem
 from .comparison import Orientation, explain_refusal, to_degrees
 from .jitter_record import ORIENTATION, ROTATION
 from .slew_record import (
@@ -289,7 +289,7 @@ def find_reactions(system: RunSystem, slews: Slews) -> list[Reaction]:
     try:
         plant, _ = build_plant_and_isolator(system.structure)
         target = np.array(slews.target)
-        turns = [find_reaction(plant.system, target, held=held) for held in (False, True)]
+        turns = [find_reaction(plant, target, held=held) for held in (False, True)]
     except (KinematicsError, ParameterError):  # a path that the commander takes otherwise, or values that are no plant
         return []
     rates = orientation_rate_map(target)  # small rotations in B to roll, pitch, yaw

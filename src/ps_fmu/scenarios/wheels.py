@@ -24,7 +24,7 @@ from ..results.waterfall import CasePanel, Harmonic, ModeLine, Place, Waterfall
 from ..runs.options import OptionError, RunOptions
 from ..runs.publish import Findings
 from ..runs.run import Run
-from ..runs.setup import DISTURBED, NOISE, RunSystem
+from ..runs.system import DISTURBED, NOISE, RunSystem
 from ..theory.loop import Loop, loop_of
 from ..theory.natural_modes import NaturalMode, find_natural_modes
 from ..theory.sampled import LOOP_DELAY, from_wrench_stepped

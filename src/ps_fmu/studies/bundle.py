@@ -27,7 +27,7 @@ from ..cosim.schemes.scheme import Scheme
 from ..files.archive import compute_digest
 from ..requirements.quantity import make_value
 from ..results.summary import versions
-from ..runs.setup import RunSystem
+from ..runs.system import RunSystem
 from .plan import Plan
 from .rows import VersionError, write_durably
 from .study import Observed, StudyError

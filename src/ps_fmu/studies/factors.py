@@ -20,7 +20,7 @@ from ..cosim.signals import bind_signals, convert_input
 from ..cosim.structure import split_port, suggest_names
 from ..cosim.values import list_items
 from ..requirements.quantity import Quantity, parse_quantity
-from ..runs.setup import RunSystem
+from ..runs.system import RunSystem
 from ..theory.sampled import ON_STEP
 from .study import NORMAL, STEPS, UNIFORM, VALUES, Branch, Vary
 

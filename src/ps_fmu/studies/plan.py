@@ -16,7 +16,7 @@ from ..cosim.description import convert_value, find_variable, index_variables
 from ..cosim.faults.numbers import list_numbers
 from ..cosim.graph import check_wiring
 from ..cosim.structure import parse_port, split_port
-from ..runs.setup import RunSystem
+from ..runs.system import RunSystem
 from .factors import Factor, convert_level, explain_fed, explain_unvaried, find_factor
 from .rows import OWN, VERDICT
 from .study import (

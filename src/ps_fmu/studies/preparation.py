@@ -26,7 +26,8 @@ from ..requirements.quantity import Names, Time
 from ..runs.keeping import find_source
 from ..runs.options import OptionError, RunOptions
 from ..runs.scenario import Scenario
-from ..runs.setup import SCHEME, ColumnsError, RunSystem, list_delays, load_system, read_files
+from ..runs.setup import SCHEME, ColumnsError, list_delays, load_system, read_files
+from ..runs.system import RunSystem
 from ..theory.sampled import round_delay
 from .bundle import FAULTS, FMUS, INPUTS, REQUIREMENTS, SYSTEM, TASK, Bundle, Sources, Task, worker_versions
 from .factors import names_faults, split_values

@@ -21,7 +21,7 @@ from ..runs.cases import Case, run_case
 from ..runs.options import RESULTS, claim_folder
 from ..runs.output import hold_folder, lock_folder
 from ..runs.publish import Findings, publish
-from ..runs.setup import RunSystem
+from ..runs.system import RunSystem
 from .bundle import Bundle, Identity, explain_difference, read_identity
 from .case_runner import describe_verdicts
 from .factors import names_faults, split_values

@@ -155,7 +155,7 @@ class _Binder:
             own = self.find_point(event.time_s + event.duration_s)
             if own == first:
                 step = self._clock.step
-                raise UsageError(f"duration: expected a step of {step:g} s or more, got {event.duration_s:g} s")
+                raise UsageError(f"duration: no step of {step:g} s ends within {event.duration_s:g} s: expected more")
             last = own if last is None else min(own, last)
         unit = get_unit(variable) or ""
         fault = Fault(

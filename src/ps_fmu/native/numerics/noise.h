@@ -4,7 +4,7 @@ enum {
     NUMBERS = 2048, /* drawn in a part, a multiple of four */
     LINES = 64,     /* made in a part */
     FOLDS = 4,      /* parts that a spectrum is made in */
-    PARTS = FOLDS + 6 /* of the samples of a phase and group */
+    PARTS = FOLDS + 8 /* of the samples of a phase and group */
 };
 
 /* Value, slope and bend of the polynomial from 0 to 1 (ramp of spectrum.py) at some places from 0 to 1. */
@@ -84,30 +84,33 @@ INSTRUCTIONS static void make_samples(NoiseLayer *l, int64_t part, double *rows)
     Lanes *room = (Lanes *)l->room, *other = room + half + 1;
     const bool rises = start < l->rise_time;
     sizes = rises ? l->sizes : sizes;
-    const int64_t step = part % PARTS - FOLDS;
-    if (part % PARTS == 0)
+    const int64_t step = part % PARTS - FOLDS; /* from -FOLDS to 7 */
+    if (step == -FOLDS) {
         memset(room, 0, sizeof *room * (size_t)(half + 1));
-    if (step < 0) {
-        fold(lines, terms, turns, room, (step + FOLDS) * lines->n / FOLDS, (step + FOLDS + 1) * lines->n / FOLDS);
+        return;
+    }
+    if (step <= 0) {
+        fold(lines, terms, turns, room, (step + FOLDS - 1) * lines->n / FOLDS, (step + FOLDS) * lines->n / FOLDS);
         return;
     }
     switch (step) {
-    case 0:
+    case 1:
         pair_up(room, half, lines->roots);
         l->product = 1;
-        l->samples = (double *)transform(room, other, half, lines->roots, &l->product, 1);
+        l->samples = l->room;
         return;
-    case 1:
     case 2:
-        other = l->samples == (double *)room ? other : room;
-        l->samples = (double *)transform((Lanes *)l->samples, other, half, lines->roots, &l->product,
-                                         step == 1 ? 2 : INT64_MAX);
-        return;
     case 3:
+    case 4:
+        other = l->samples == l->room ? other : room;
+        l->samples = (double *)transform((Lanes *)l->samples, other, half, lines->roots, &l->product,
+                                         step < 4 ? step - 1 : INT64_MAX);
+        return;
+    case 5:
         if (rises && group == 0)
             find_sizes(l, start, phase);
         return;
-    case 4:
+    case 6:
         store_samples(lines, l->samples, phase, group, sizes, 0, half, rows);
         return;
     default:

@@ -31,7 +31,7 @@ int64_t count_states(const Plant *p)
 int64_t count_parts(double step, double longest)
 {
     int64_t n = 1;
-    while (step > (1.0 + 1e-9) * longest * (double)n)
+    while (n < MOST_PARTS && step > (1.0 + 1e-9) * longest * (double)n)
         n *= 2;
     return n;
 }

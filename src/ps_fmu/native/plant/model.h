@@ -17,7 +17,9 @@ int64_t count_states(const Plant *p);
 /* Longest inner step, s. */
 extern const double INNER_STEP;
 
-/* Parts of a step, a power of two, that are no longer than `longest`, s. */
+/* Parts of a step, a power of two, that are no longer than `longest`, s; MOST_PARTS of one that is too long. */
+enum { MOST_PARTS = 1 << 21 };
+
 int64_t count_parts(double step, double longest);
 
 /* The place of the platform with displacements of coarse actuators, rods (NULL: none) and fine legs, m, from one that is

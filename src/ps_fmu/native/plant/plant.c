@@ -15,8 +15,11 @@ static const double RAMP = 1e-2;
 /* Longest step at rest that may leave it, s: in a longer one the motion would be linear for too long. */
 static const double BRIEF = 1e-3;
 
+/* So many times as far as rest reaches, no step at rest leads. */
+static const double SUDDEN = 10.0;
+
 /* Inner steps between two looks at the momentum. */
-enum { BALANCE_EVERY = 8 };
+enum { BALANCE_EVERY = 4 };
 
 /* A servo is at rest when it is this close to its command (m) and this slow (m/s); fine legs, when they are near rest now
    and this much later (s); the base does not turn below this rate (rad/s). */
@@ -502,13 +505,14 @@ static bool has_come_to_rest(const Plant *p, const Memory *w, const double *x, c
     return true;
 }
 
-/* Whether the motion has left what a map at rest is for.  Servos that rest away from it have another place. */
-static bool has_left(const Plant *p, const Centre *c, const double *x, const double *last)
+/* Whether the motion has left what a map at rest is for, by so many times what is allowed.  Servos that rest away from it have another place. */
+static bool has_left(const Plant *p, const Centre *c, const double *x, const double *last, double times)
 {
     const int64_t n = count_coordinates(p), s = 2 * n;
     const double apart = largest(x + s, c->coarse, 3);
-    return apart > p->distance || largest(x + FINE, c->fine, 3) > p->distance ||
-           largest(x + TURN, c->rotation, 3) > p->angle || largest(x + s + 3, NULL, 3) > p->speed ||
+    return !(apart <= times * p->distance) || !(largest(x + FINE, c->fine, 3) <= times * p->distance) ||
+           !(largest(x + TURN, c->rotation, 3) <= times * p->angle) ||
+           !(largest(x + s + 3, NULL, 3) <= times * p->speed) ||
            (apart > AT_REST && memcmp(x + s, last, 3 * sizeof *last) == 0);
 }
 
@@ -589,8 +593,8 @@ static int rest(Plant *p, Memory *kept, const Model *model, const double *input,
     if (!kernel_map(&model->to_rest))
         return REST_REFUSED;
     memcpy(p->operand, p->result, sizeof *x * (size_t)n_x);
-    const bool left = has_left(p, &model->centre, p->operand, x + n_x - 9);
-    if (left && model->centre.step > BRIEF)
+    const bool left = has_left(p, &model->centre, p->operand, x + n_x - 9, 1.0);
+    if (left && (model->centre.step > BRIEF || has_left(p, &model->centre, p->operand, x + n_x - 9, SUDDEN)))
         return REST_LEFT;
     if (!kernel_map(&model->to_outputs))
         return REST_REFUSED;
@@ -606,6 +610,8 @@ static int rest(Plant *p, Memory *kept, const Model *model, const double *input,
 static bool move_through(Plant *p, Memory *w, double step, double *input, const double *command, double *x, bool ahead)
 {
     const int64_t parts = count_parts(step, INNER_STEP), ramps = count_parts(step, RAMP), r = count_states(p) - 3;
+    if (parts == MOST_PARTS)
+        return false;
     for (int64_t k = 0; k < parts; k++) {
         if (k % (parts / ramps) == 0)
             find_reference_rates(p, command, x + r, step / (double)ramps, input);
@@ -636,7 +642,7 @@ static bool move(Plant *p, Memory *w, double step, double *input, const double *
         if (memcmp(w->next.coarse, command, sizeof w->next.coarse) != 0)
             w->parts = 0.0;
         else if (model_make(p, model, &w->next, (int64_t)w->parts) == MODEL_READY) {
-            if (!has_left(p, &w->next, x, w->last))
+            if (!has_left(p, &w->next, x, w->last, 1.0))
                 return begin_rest(p, model, w, x);
             w->parts = 0.0;
         }
@@ -727,8 +733,11 @@ static bool take_step(Plant *p, Memory *w, double step, double *input, const dou
         if (done != REST_LEFT)
             return done == REST_DONE;
     }
-    if (w->moving != MOVES && !begin_motion(p, w, x))
-        return false;
+    if (w->moving != MOVES) {
+        w->present.step = step;
+        if (!begin_motion(p, w, x))
+            return false;
+    }
     if (p->prescribed)
         find_carried(p, &w->place, x, turn, &start);
     if (!move(p, w, step, input, command, x, y))
@@ -780,7 +789,12 @@ int64_t plant_step(void *arguments, Core *core)
         }
     }
     if (!done) {
-        write_message(core, MESSAGE_REFUSAL, "the step leads to a singular pose of the legs, or to numbers that are not finite");
+        if (count_parts(core->step, INNER_STEP) == MOST_PARTS)
+            write_message(core, MESSAGE_REFUSAL, "a step of %g s in motion, or so long that few digits would be right: "
+                          "expected less than %g s", core->step, INNER_STEP * MOST_PARTS);
+        else
+            write_message(core, MESSAGE_REFUSAL, "the step leads to a singular pose of the legs, or to numbers that are not "
+                          "finite");
         return CALL_REFUSED;
     }
     memcpy(kept->last, x + count_states(p) - 9, sizeof kept->last);

@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from ...control.commander import DEFAULT_ALGORITHM_1
-from ...mechanism.dynamics import Pose, leg_mass
+from ...mechanism.dynamics import Pose, payload_mass
 from ...mechanism.inverse_kinematics import TRILATERATION, Method, inverse_kinematics, make_algorithm_1, step_size_bound
 from ...mechanism.kinematics import displacements, forward_kinematics, leg_lengths, leg_vectors
 from ...mechanism.parameters import Array, CoarseLeg, LegPart
@@ -139,7 +139,8 @@ def spin_of_a_leg() -> Erratum:
 def angular_velocity() -> Erratum:
     """(A11): kinetic energy of the legs while the fine legs move, base and coarse legs at rest."""
     geometry, pose, legs = case.parameters().manipulator.geometry, case.pose(), _legs()
-    twist = np.random.default_rng(case.SEED).normal(size=(8, 3)) @ case.dynamics().jacobians.J_pf.T
+    d, rates = case.dynamics(), np.random.default_rng(case.SEED).normal(size=(8, 3))
+    J, twist = d.jacobians, rates @ d.jacobians.J_pf.T
     upper, lower = (np.array([getattr(leg, end).com_distance for leg in legs])[:, None] for end in ("upper", "lower"))
 
     def places(t: float) -> Array:
@@ -155,7 +156,8 @@ def angular_velocity() -> Erratum:
         inertia = leg.upper.radial_inertia + leg.lower.radial_inertia
         energy += 0.5 * (leg.upper.mass * v_upper[:, k] + leg.lower.mass * v_lower[:, k] + inertia * turning[:, k])
 
-    right = 0.5 * np.sum(twist @ leg_mass(legs, geometry, pose.translation_B, pose.rotation_BP).alpha * twist, axis=1)
+    of_payload = J.J_pf.T @ payload_mass(case.parameters().payload, pose.rotation_BP) @ J.J_pf
+    right = 0.5 * np.sum(rates @ (d.M[d.slices["d_f"], d.slices["d_f"]] - of_payload) * rates, axis=1)
     printed = right.copy()
     for k, length in enumerate(leg_lengths(geometry, pose.translation_B, pose.rotation_BP)[:3]):
         body = _one_body(legs[k], length).lower

@@ -19,7 +19,7 @@ from ....results.tables import Table, format_tables
 from ....runs.publish import Findings
 from ....runs.run import Run
 from ....runs.scenario import SCENARIOS, Scenario
-from ....runs.setup import DISTURBED
+from ....runs.system import DISTURBED
 from ...cosimulation import hold_run
 from ...published import ANGLES, make_finding, published_numbers
 from ..fig06 import compute_reach

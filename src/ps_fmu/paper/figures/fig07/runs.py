@@ -28,7 +28,7 @@ from ....mechanism.parameters import Array, Geometry, load
 from ....runs.cases import Case, Outcome, run_case
 from ....runs.options import OptionError, RunOptions
 from ....runs.run import Run
-from ....runs.setup import RunSystem
+from ....runs.system import RunSystem
 from ....scenarios.comparison import TARGET
 from ....scenarios.jitter_record import ORIENTATION, REACHABLE
 from ...cosimulation import SampleRecord

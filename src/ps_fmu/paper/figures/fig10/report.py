@@ -16,7 +16,7 @@ from ....runs.options import OptionError
 from ....runs.publish import Findings
 from ....runs.run import Run
 from ....runs.scenario import SCENARIOS, Scenario
-from ....runs.setup import DISTURBED, RunSystem
+from ....runs.system import DISTURBED, RunSystem
 from ....scenarios.shaking import Shaking
 from ....theory.loop import Loop, Margins
 from ...bus_cases import CASES, SUSPENSION

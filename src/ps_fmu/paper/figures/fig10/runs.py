@@ -32,7 +32,7 @@ from ....pointing.response import Response, rightmost, slowest_mode
 from ....runs.cases import Case, Outcome, run_case
 from ....runs.options import RunOptions
 from ....runs.run import Run
-from ....runs.setup import NOISE, RECORDING_PATH, RunSystem
+from ....runs.system import NOISE, RECORDING_PATH, RunSystem
 from ....scenarios.jitter_record import ORIENTATION, ROTATION
 from ....scenarios.shaking import Shaking, measure_response
 from ....theory.loop import Loop, Margins, loop_at, loop_of, margins

@@ -19,7 +19,7 @@ from ....results.tables import Table, format_angles, format_number, format_table
 from ....runs.publish import Findings
 from ....runs.run import Run
 from ....runs.scenario import SCENARIOS, Scenario
-from ....runs.setup import DISTURBED, RunSystem
+from ....runs.system import DISTURBED, RunSystem
 from ....scenarios.comparison import HEADER, Comparison, explain_refusal, make_rows
 from ....scenarios.comparison import NEEDS as COMPARED
 from ....scenarios.exploration import explore_comparisons

@@ -21,7 +21,7 @@ from ....mechanism.parameters import Array, Parameters, load
 from ....pointing.spectra import rejection_percent
 from ....results.tables import format_number
 from ....runs.run import Run
-from ....runs.setup import MULTISINE, RunSystem
+from ....runs.system import MULTISINE, RunSystem
 from ....scenarios.comparison import CASES, Comparison, compare, run_cases
 from ....theory.loop import loop_at
 from ....theory.sampled import LOOP_DELAY
