@@ -2,6 +2,7 @@
 
 FMUs in C are written as by hand (model.c).  Stock FMUs are our slaves with the accessors and the library that
 pythonfmu comes with.
+"""
 
 from __future__ import annotations
 
