@@ -126,7 +126,7 @@ def test_what_does_not_fit_is_said(isolator, capsys):
         ("isolator=none.fmu", "--replace: isolator: there is no file none.fmu"),
         ("isolator=my_isolator.py", "my_isolator.py; ps-fmu build makes an FMU of it"),
         ("engine=MyIsolator.fmu", "there is no component 'engine'; expected one of disturbance, commander, plant"),
-        ("plant=MyIsolator.fmu", "MyIsolator.fmu cannot take the place of plant: expected at least one of the outputs"),
+        ("plant=MyIsolator.fmu", "MyIsolator.fmu cannot take the place of plant: expected a connected output"),
         ("commander=MyCommander.fmu", "commander (MyCommander.fmu) has no input target.roll of type Real, which"),
         ("isolator=MyCommander.fmu", "has no input enabled of type Boolean, which the scenario sets; enabled is "),
     ],
