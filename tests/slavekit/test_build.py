@@ -227,7 +227,7 @@ def test_a_missing_project_file_is_noticed(tmp_path, monkeypatch):
             ("import numpy as np", "import numpy as np\nfrom ps_fmu.nothing import x"),
             "No module named 'ps_fmu.nothing'",
         ),
-        (('Port("wave", "output", "N"', 'Port("wave", "output", "furlong"'), "port wave: unit 'furlong': expected SI units"),
+        (('Port("wave", "output", "N"', 'Port("wave", "output", "furlong"'), "unit 'furlong': expected SI units"),
         (("self.memory[0] = self.value", "1 / 0; self.memory[0] = self.value"), "ZeroDivisionError"),
         (("class Waves", "def broken(:\n\nclass Waves"), "SyntaxError"),
         (

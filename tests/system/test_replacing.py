@@ -115,6 +115,7 @@ def test_what_does_not_fit_is_said(isolator, capsys):
     first, second = (text for text in result.summary["warnings"] if "MyIsolator" in text)
     assert "new connections by name: plant.fine_velocity_1 -> isolator.fine_velocity_1" in first
     assert "left out, for there is no such variable: sensors.estimated_acceleration.x ->" in first
+    assert max(map(len, first.splitlines())) <= 100
     assert first.endswith("\n- values left out, for there is no such variable: filters.highpass_frequency")
     assert re.fullmatch(r"isolator: MyIsolator.fmu lacks the variables payload\.com.*: their values .*", second)
 
