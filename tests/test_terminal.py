@@ -1,5 +1,6 @@
 """Commands whose output does not arrive, or that are stopped: results and exit codes do not depend on it."""
 
+import gc
 import os
 import signal
 import subprocess
@@ -69,10 +70,11 @@ def test_a_pipe_that_no_one_reads_is_no_failure(tmp_path):
 
 
 def test_sigterm_is_like_ctrl_c_and_everything_is_put_back():
-    before = sys.stdout, sys.stderr, signal.getsignal(signal.SIGTERM)
+    before = sys.stdout, sys.stderr, signal.getsignal(signal.SIGTERM), gc.get_threshold()
+    assert run_command(lambda: gc.get_threshold()[0]) >= 100_000  # a start makes so many objects that stay
     with pytest.raises(KeyboardInterrupt):
         run_command(lambda: signal.raise_signal(signal.SIGTERM) or 0)
-    assert (sys.stdout, sys.stderr, signal.getsignal(signal.SIGTERM)) == before
+    assert (sys.stdout, sys.stderr, signal.getsignal(signal.SIGTERM), gc.get_threshold()) == before
 
 
 @pytest.mark.parametrize(("full", "code"), [(False, 0), (True, 1)])

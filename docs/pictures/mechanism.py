@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from ps_fmu.mechanism.mounted import LockedMass
 from ps_fmu.mechanism.parameters import Manipulator, Parameters, load
 from ps_fmu.theory.loop import loop_at
 
@@ -202,13 +201,13 @@ def _draw_legend(drawing: Drawing) -> None:
 def draw_host_frames() -> Drawing:
     """Frames of a mechanism on a host's spacecraft, and what host and plant exchange."""
     parameters = load()
-    locked = LockedMass.of(loop_at(parameters).model.dynamics)
+    locked = loop_at(parameters).model.dynamics.locked  # mass matrix, B axes at its origin
     drawing = Drawing(
         "The mechanism on the spacecraft of a host simulator",
         "The host moves the hub, whose body frame is H. The base B of the mechanism has a place and an orientation in "
         "H. The host gives the motion of B to the plant FMU. The plant gives back force and torque on the hub at the "
-        f"origin of B, and the locked mass of legs and payload, {locked.mass:.1f} kg, which the host adds to its hub. "
-        f"Its centre of mass, locked_com, lies {locked.com_B[2]:.2f} m above the origin of B.",
+        f"origin of B, and the locked mass of legs and payload, {locked[0, 0]:.1f} kg, which the host adds to its hub. "
+        f"Its centre of mass, locked_com, lies {locked[4, 0] / locked[0, 0]:.2f} m above the origin of B.",
         500.0,
     )
     # The hub, with B on a face that is turned about the axis towards the reader.

@@ -14,6 +14,7 @@ from ps_fmu.interface.ports import (
     CONTROL_PORTS,
     LONGEST_DELAY,
     ORIENTATION,
+    differentiate,
     make_parameter_ports,
     refuse_delays,
     refuse_parameters,
@@ -36,8 +37,7 @@ class PointingController(Slave):
     model_description = "Pointing controller: voice-coil forces from the line-of-sight error"
     physics: ClassVar[type] = PointingLaw
     n_states: ClassVar[int] = N_STATES
-    # The error as last sampled; what is integrated, and the integral that is held without lock.
-    n_auxiliary: ClassVar[int] = 3 + 6
+    n_auxiliary: ClassVar[int] = 3  # the error as last sampled
     any_step: ClassVar[bool] = True
     provides_derivatives: ClassVar[bool] = True
     n_memory: ClassVar[int] = 3 + 3 + 3 + 1 + 1 + ring_size(3, LONGEST_DELAY)  # see the views in _build
@@ -74,8 +74,8 @@ class PointingController(Slave):
 
     @refuse_parameters
     def configure(self) -> None:
-        """Take the present orientation, at rest."""
-        self.x[:] = self.a[:] = self.memory[:] = 0.0
+        """Take the present orientation, at rest: no force."""
+        self.y[:] = self.x[:] = self.a[:] = self.memory[:] = 0.0
         self._build()
         self.kept[:] = self.values("orientation")
         try:
@@ -83,45 +83,21 @@ class PointingController(Slave):
         except UnreachableOrientationError as error:
             raise ModelError(str(error)) from None
 
-    def continuous(self) -> Matrices:
-        """The filter of all axes, from what is integrated and from the integral that is held; no force at the start."""
-        A, B = self.law.loop.matrices()
-        held = np.hstack([B, A[:, :1] * [[0.0], [0.0], [0.0], [1.0]]])
-        inputs = np.hstack([np.zeros((N_STATES, self.u.size + 3)), np.kron(held, np.eye(3))])
-        outputs = np.zeros((self.y.size, N_STATES)), np.zeros((self.y.size, inputs.shape[1]))
-        return np.asarray(np.kron(A, np.eye(3))), inputs, *outputs
-
-    def linearise(self) -> tuple[Matrices, NDArray[np.float64]]:
-        """At the orientation of the gains, which is no input of it, within the force limit."""
-        refuse_delays(sample_time=self.sample_time, delay=self.delay)
-        locked, on = bool(self.value("locked")), float(bool(self.value("enabled")))
-        A, B, C = self.law.controller(self.kept).matrices()
-        A[:6] *= locked  # else the integrals stay as they are
-        inputs = np.hstack([B[:, :3] * locked, np.full((N_STATES, 3), np.nan)])
-        D = np.zeros((self.y.size, self.u.size))
-        D[:, 3:] = np.nan
-        outputs = np.vstack([on * C, np.zeros((self.y.size - len(C), N_STATES))])
-        return (A, inputs, outputs, D), A @ self.x + inputs[:, :3] @ self.u[:3]
+    def step_map(self, h: float) -> None:
+        """Return None: C does all."""
 
     def before_map(self, h: float) -> Sequence[Element]:
-        """Return the sample of the error, the gains of the orientation, and what the limit cut off in the last step."""
-        error, words = self.view("line_of_sight_error"), self.words
-        elements: list[Element] = []
-        if self.sample_time:
-            elements.append(Sample(error, self.a[:3], self.sample_clock, self.sample_time))
-            error = self.a[:3]
-        words.error = self.places(error)[0]
-        driven = np.concatenate([self.places(view) for view in (self.kept, self.x[:3], self.a[3:])])
-        return *elements, Call(find_function("control_drive_pointing"), words, driven)
-
-    def after_map(self, h: float) -> Sequence[Element]:
-        """Return the forces, their limit, hold and delay, and the switch."""
+        """Return the sample of the error; gains, filter and forces; their limit, hold and delay, and the switch."""
+        error, hold, words, elements = self.view("line_of_sight_error"), None, self.words, list[Element]()
         force = self.view("fine_force")
-        written = np.concatenate([self.places(view) for view in (self.x, force, self.unlimited)])
-        elements: list[Element] = [Call(find_function("control_add_pointing"), self.words, written)]
-        if self.words.limit < np.inf:
-            elements.append(Clip(force, -self.words.limit, self.words.limit, "saturated"))
-        hold = Hold(force, self.held, self.hold_clock, self.sample_time) if self.sample_time else None
+        if self.sample_time:
+            elements.append(Sample(error, self.a, self.sample_clock, self.sample_time))
+            error, hold = self.a, Hold(force, self.held, self.hold_clock, self.sample_time)
+        words.error = self.places(error)[0]
+        written = np.concatenate([self.places(view) for view in (self.kept, self.y, self.x, self.unlimited)])
+        elements.append(Call(find_function("control_point"), words, written))
+        if words.limit < np.inf:
+            elements.append(Clip(force, -words.limit, words.limit, "saturated"))
         if hold:
             elements.append(hold)
         if self.delay:
@@ -129,6 +105,20 @@ class PointingController(Slave):
         if hold or self.delay:  # disabled, at once, whatever is still on its way
             elements.append(Product(force, self.places(self.view("enabled"))[[0, 0, 0]], force))
         return elements
+
+    def linearise(self) -> tuple[Matrices, NDArray[np.float64]]:
+        """From error and orientation to the forces, without their limit."""
+        refuse_delays(sample_time=self.sample_time, delay=self.delay)
+        law, x, error = self.law, self.x, self.view("line_of_sight_error")
+        A, B, C = law.controller(self.view("orientation")).matrices()
+        locked, enabled = bool(self.value("locked")), bool(self.value("enabled"))
+        A, B = enabled * A, enabled * locked * B[:, :3]
+        A[3:6, :3] *= locked
+        outputs, through = np.zeros((4, N_STATES)), np.zeros((4, 6))
+        if enabled:
+            by_turn = differentiate(lambda at: law.controller(at).matrices(), self.view("orientation"))
+            outputs[:3], through[:3, 3:] = C, np.column_stack([turned[2] @ x for turned in by_turn])
+        return (A, np.hstack([B, np.zeros((N_STATES, 3))]), outputs, through), A @ x + B @ error
 
     @refuse_parameters
     def restore(self) -> None:
@@ -143,8 +133,8 @@ class PointingController(Slave):
         self.kept, self.unlimited, self.held, self.sample_clock, self.hold_clock, self.ring = np.split(
             self.memory, [3, 6, 9, 10, 11]
         )
-        places = {"orientation": self.view("orientation"), "kept_orientation": self.kept, "driving": self.a[3:],
-                  "filter": self.x, "forces": self.y, "unlimited": self.unlimited, "locked": self.view("locked"),
-                  "enabled": self.view("enabled")}  # fmt: skip
+        places = {"orientation": self.view("orientation"), "kept_orientation": self.kept, "states": self.x,
+                  "unlimited": self.unlimited, "locked": self.view("locked"), "enabled": self.view("enabled"),
+                  "forces": self.y}  # fmt: skip
         limit = float(values["force_limit"]) or np.inf
         self.words = self.law.pack(limit, **{name: int(self.places(view)[0]) for name, view in places.items()})

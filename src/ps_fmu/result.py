@@ -134,8 +134,9 @@ class Result:
     def stability(self) -> dict[str, Any]:
         """Of each case with a closed loop: ``stable``, least damped pole, ``gain_margin_db``, as summary.json has them.
 
-        The linear model at the start of the case answers.  ``gain_margin_db`` is the change of the isolator's gain that
-        makes the loop unstable, 12 if that is more; None where ``ps-fmu analyse stability`` has it.
+        The linear model at the start of the case answers.  ``gain_margin_db`` is the change of a loop's gain that makes
+        it unstable, 12 if that is more; ``gain_margins_db`` has it of each loop where there are two, or the delay is
+        long.  ``stable`` is None where poles are unknown, for the reason ``unknown``.
         Keep it away from 0 in an optimisation: verdicts do not show how near to instability a design is.
         """
         if self._found is None:

@@ -126,11 +126,17 @@ def _add_new(commands: argparse._SubParsersAction[Any]) -> None:
     places = ", ".join(f"{kind}: for {component}" for kind, component in TEMPLATES.items())
     command.add_argument("kind", choices=tuple(TEMPLATES), help=f"what it is in place of ({places})")
     command.add_argument("file", type=read_output, metavar="FILE.py", help="new file; the FMU is called as the file")
+    command.add_argument(
+        "--instrument", type=Path, metavar="F.toml", help="geometry, stiffness and mass of an isolator: yours"
+    )
     command.set_defaults(run=_new)
 
 
 def _new(options: argparse.Namespace) -> int:
     from .files.plain import write_atomically
+    from .interface.instrument_file import fill_isolator
+    from .mechanism.kinematics import KinematicsError
+    from .mechanism.quantities import ParameterError
 
     kind, file = options.kind, options.file
     problem = ""
@@ -138,13 +144,20 @@ def _new(options: argparse.Namespace) -> int:
         problem = "expected a name of letters, digits and underscores that ends with .py"
     elif file.exists():
         problem = "there is such a file: name another one"
+    elif options.instrument is not None and kind != "isolator":
+        problem = f"--instrument: the template {kind} has no number of an instrument: leave the option out"
     if problem:
         print(f"ps-fmu new: {file}: {problem}", file=sys.stderr)
         return 2
     model = "".join(word[:1].upper() + word[1:] for word in file.stem.split("_"))
     try:
         text = (find_product().system / "templates" / f"{kind}.py").read_text(encoding="utf-8")
+        if options.instrument is not None:
+            text = fill_isolator(text, find_file(options.instrument))
         write_atomically(file, text.replace(f"class {kind.capitalize()}(", f"class {model}("))
+    except (ParameterError, KinematicsError) as error:
+        print(f"ps-fmu new: {options.instrument}: {error}", file=sys.stderr)
+        return 1
     except OSError as error:
         print(f"ps-fmu new: {reason(error)}", file=sys.stderr)
         return 1

@@ -22,6 +22,7 @@ from ps_fmu.cosim.unpacked import (
     release_unpacked,
     remove_temporary,
 )
+from ps_fmu.native import find_platform
 
 
 @pytest.fixture
@@ -91,8 +92,11 @@ def test_what_only_others_need_is_left_out(tmp_path):
     needed |= {f"binaries/{name}" for name in (f"{platform}/A.so", f"{platform}/A/deep.so", "vax/A.so")}
     systems = ("linux", "win", "darwin")
     foreign = [f"{name}64" for name in systems if not platform.startswith(name)]
+    own = "resources/ps_fmu_1/native/"  # of an FMU of ps_fmu: libraries for all platforms
+    needed |= {f"{own}{find_platform()}/a.so", f"{own}__pycache__/a.pyc", f"{own}a.py", "resources/other/native/x/a.so"}
     with zipfile.ZipFile(tmp_path / "a.fmu", "w") as file:
-        for name in [*needed, "documentation/index.html", *(f"binaries/{name}/A.dll" for name in foreign)]:
+        left = [f"{own}vax/a.so", "documentation/index.html", *(f"binaries/{name}/A.dll" for name in foreign)]
+        for name in [*needed, *left]:
             file.writestr(name, name)
     folder = provide_unpacked(tmp_path / "a.fmu")
     assert {str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file()} == needed

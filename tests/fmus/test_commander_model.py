@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from support.models import Host, slave_class
 
-from ps_fmu.mechanism.inverse_kinematics import inverse_kinematics
+from ps_fmu.mechanism.inverse_kinematics import inverse_kinematics, reachable
 from ps_fmu.mechanism.kinematics import forward_kinematics
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.slavekit.author.slave import ModelError, Refused
@@ -155,6 +155,27 @@ def test_unreachable_path_between_reachable_poses_is_refused():
     assert not host.flag("reachable") and not host.flag("moving")
     assert "on the way, coarse leg" in host.messages() and "the last one stays" in host.messages()
     np.testing.assert_array_equal(orientation(host), np.radians(a))
+
+
+def test_a_path_is_refused_where_any_of_257_poses_is_out_of_reach():
+    """Between poses near the edge of the workspace; all poses are looked at here."""
+    random = np.random.default_rng(3)
+    strokes = 0.0199 * random.choice([-1.0, 1.0], (40, 2, 3))  # m
+    strokes[:, :, 0] *= random.uniform(0.3, 1.0, (40, 2))
+    lengths = GEOMETRY.nominal_lengths + np.pad(strokes, ((0, 0), (0, 0), (0, 3)))
+    ends = forward_kinematics(GEOMETRY, lengths).orientation
+    tau = np.linspace(0.0, 1.0, 257)
+    covered = (35 * tau**4 - 84 * tau**5 + 70 * tau**6 - 20 * tau**7)[:, None]
+    refused = []
+    for a, b in ends:
+        host = commander(np.degrees(a))
+        host.set(**target(np.degrees(b)))
+        host.step(H)
+        path = a + covered * (b - a)
+        expected = bool(reachable(GEOMETRY, inverse_kinematics(GEOMETRY, path)).all())
+        assert host.flag("reachable") == expected
+        refused.append(not expected)
+    assert 5 < sum(refused) < 35
 
 
 def test_path_unreachable_in_motion_is_tried_again_at_rest():

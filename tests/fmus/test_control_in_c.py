@@ -69,7 +69,9 @@ def twins(request: pytest.FixtureRequest, built_fmus: Path, tmp_path: Path) -> I
     native.free()
 
 
-def drive(one: InFmpy | InPython, inputs: Inputs, begin: float, sizes: list[float], first: int = 0) -> list[list[float]]:
+def drive(
+    one: InFmpy | InPython, inputs: Inputs, begin: float, sizes: list[float], first: int = 0
+) -> list[list[float]]:
     rows = []
     for k, h in enumerate(sizes, first):
         one.set(inputs(k))

@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-from support.hub import Hub, cube, fly, push
+from support.hub import Hub, LockedMass, cube, fly, push
 from support.models import Host
 
-from ps_fmu.mechanism.mounted import LockedMass
 from ps_fmu.slavekit.author.slave import ModelError
 
 RIGID = {f"bus__mode_{i}__frequency": 0.0 for i in range(1, 7)}

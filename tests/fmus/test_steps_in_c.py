@@ -79,6 +79,17 @@ def test_a_restored_state_goes_on_with_the_same_bits(twins: Twins) -> None:
             one.restore(content)
 
 
+def test_rows_made_together_are_not_those_of_another_time() -> None:
+    """A state with the same step, and a count of steps that there are rows of; but its steps began later."""
+    one, other = (InPython(slave_class("disturbance_source")) for _ in range(2))
+    for each in (one, other):
+        each.initialise()
+    drive(one, 0.0, [H] * 50)
+    drive(other, 0.0, [*[H / 2] * 200, *[H] * 45])
+    one.restore(other.state())
+    assert drive(one, 145 * H, [H] * 10) == drive(other, 145 * H, [H] * 10)
+
+
 def test_a_block_of_noise_is_made_by_many_steps_a_part_each() -> None:
     host = Host("disturbance_source", noise__period=20.0).run_mode()
     words = library.Noise.from_address(host.slave.disturbance.words.noise)

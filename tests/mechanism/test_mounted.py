@@ -4,46 +4,38 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.hub import Hub, cube, fly, push
+from support.hub import Hub, LockedMass, Mounted, cube, fly, push
 from support.mechanics import PAPER, rigid
 
 from ps_fmu.mechanism.dynamics import bus_mass
 from ps_fmu.mechanism.linear_model import Plant
-from ps_fmu.mechanism.mounted import (
-    N_HOST_OUTPUTS,
-    N_MOTION,
-    HostedModel,
-    LockedMass,
-    relative_momentum,
-    stand_in_bus,
-)
 from ps_fmu.mechanism.rotations import skew
-from ps_fmu.mechanism.signals import N_EXTERNAL, N_INPUTS, N_OUTPUTS, output_slices
+from ps_fmu.mechanism.signals import N_EXTERNAL, N_INPUTS, N_OUTPUTS, output_slices, servo_slices
 
 SLOPE = np.array([0.004, -0.003, 0.002])  # m
 BUS = cube(60.0)
 OWN = replace(Plant.from_parameters(PAPER), bus=BUS)
-PRESCRIBED = replace(OWN, bus=stand_in_bus(BUS))
-MODEL = HostedModel(PRESCRIBED.linearise(SLOPE), True)
-REACTION = slice(N_OUTPUTS, N_OUTPUTS + 6)
-STATES = slice(N_OUTPUTS + N_HOST_OUTPUTS, None)
-MOTION = slice(N_EXTERNAL, N_EXTERNAL + N_MOTION)
+MODEL = OWN.linearise(SLOPE)
 SHAKING = 1e-3 * np.random.default_rng(4).normal(size=N_EXTERNAL)  # N, N.m; on fine legs and payload, at 30 Hz
 SHAKING[3:9] = 0.0
+PLACE = output_slices()
 
 
-def inputs(size: int, t: float) -> np.ndarray:
-    u = np.zeros(size)
-    u[:N_EXTERNAL] = SHAKING * np.sin(60.0 * np.pi * t)
-    u[-1] = 1.0
-    return u
+def mount() -> Mounted:
+    return Mounted(**{f"coarse_command_{i}": each for i, each in enumerate(SLOPE.tolist(), 1)})
+
+
+def shake(t: float) -> np.ndarray:
+    """Forces (18,) at a time, s."""
+    return SHAKING * np.sin(60.0 * np.pi * t)
 
 
 def test_locked_mass_is_what_the_mechanism_adds_to_the_base() -> None:
-    dynamics = OWN.linearise(SLOPE).dynamics
+    dynamics = MODEL.dynamics
     q_b = dynamics.slices["q_b"]
     added = dynamics.M[q_b, q_b] - bus_mass(BUS)
-    np.testing.assert_allclose(LockedMass.of(dynamics).matrix, added, atol=1e-13)
+    for locked in (LockedMass.of(dynamics), mount().locked):
+        np.testing.assert_allclose(locked.matrix, added, atol=1e-13)
 
 
 def test_locked_mass_of_a_payload_on_light_legs_is_the_payload() -> None:
@@ -66,34 +58,29 @@ def test_locked_mass_of_a_payload_on_light_legs_is_the_payload() -> None:
 
 def own_bus(h: float, n: int) -> np.ndarray:
     """Payload rotation on its own bus, (n, 3), rad, forces held over each step."""
-    model = OWN.linearise(SLOPE)
-    step, x, rows = model.step_map(h), OWN.initial_state(model), []
+    step, x, rows = MODEL.step_map(h), OWN.initial_state(MODEL), []
     for k in range(n):
-        u = inputs(N_INPUTS, (k + 0.5) * h)
+        u = np.zeros(N_INPUTS)
+        u[:N_EXTERNAL], u[-1] = shake((k + 0.5) * h), 1.0
         u[3:9] = push((k + 0.5) * h)
         result = step @ np.concatenate([x, u])
         x = result[N_OUTPUTS:]
-        rows.append(result[output_slices()["payload_rotation"]])
+        rows.append(result[PLACE["payload_rotation"]])
     return np.array(rows)
 
 
-def beside_a_hub(h: float, n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Rotation of the payload, (n, 3), rad; impulse on the hub (6,); the state; motion in the last two steps (2, 9)."""
-    step, x, hub = MODEL.step_map(h), PRESCRIBED.initial_state(MODEL.model), Hub(BUS)
-    motions, rotation = [], []
+def beside_a_hub(h: float, n: int) -> tuple[np.ndarray, np.ndarray, Mounted, np.ndarray]:
+    """Rotation of the payload, (n, 3), rad; impulse on the hub (6,); the plant; motion in the last two steps (2, 9)."""
+    mounted, hub, motions, rotation = mount(), Hub(BUS), [], []
 
     def make_step(motion):
-        nonlocal x
-        u = inputs(N_INPUTS + N_MOTION, (len(motions) + 0.5) * h)
-        u[MOTION] = motion
-        result = step @ np.concatenate([x, u])
-        x = result[STATES]
-        rotation.append(result[output_slices()["payload_rotation"]])
+        y = mounted.step(h, motion, shake((len(motions) + 0.5) * h))
+        rotation.append(y[PLACE["payload_rotation"]])
         motions.append(motion)
-        return result[REACTION]
+        return y[Mounted.REACTION]
 
-    fly(make_step, lambda: MODEL.locked, hub, h, n)
-    return np.array(rotation), hub.impulse, x, np.array(motions[-2:])
+    fly(make_step, lambda: mounted.locked, hub, h, n)
+    return np.array(rotation), hub.impulse, mounted, np.array(motions[-2:])
 
 
 def test_payload_moves_as_on_its_own_bus_to_second_order_in_the_step() -> None:
@@ -110,58 +97,45 @@ def test_payload_moves_as_on_its_own_bus_to_second_order_in_the_step() -> None:
 def test_no_momentum_is_lost_or_made() -> None:
     """Hub and relative motion have all that came from outside, but for the last change of the inputs."""
     h, n = 1e-4, 1000
-    _, given, x, motion = beside_a_hub(h, n)
-    P, step = relative_momentum(MODEL.model), MODEL.step_map(h)
-    both, columns = given + P @ x, MODEL.model.n_states + np.arange(N_INPUTS + N_MOTION)
-    last, before = (inputs(N_INPUTS + N_MOTION, (k - 0.5) * h) for k in (n, n - 1))
-    last[MOTION], before[MOTION] = motion[1], motion[0]
-    unknown = P @ step[STATES, columns] @ (last - before)
-    outside = h * sum(push((k + 0.5) * h) for k in range(n)) + by_payload_wrench(h, n)
-    late = h * payload_wrench_on_base() @ (last - before)[12:18]
-    assert np.abs(unknown).max() < 1e-4 * np.abs(P @ x).max()
-    np.testing.assert_allclose(both - outside, unknown - late, rtol=0.0, atol=1e-11)
+    _, given, mounted, motion = beside_a_hub(h, n)
+    of = mounted.n
+    x, d = mounted.slave.x[: 2 * of + 9], MODEL.dynamics
+    rates, others = np.zeros(d.n), d.active.copy()
+    others[d.slices["q_b"]] = False
+    rates[np.r_[0:9, d.n - (of - 9) : d.n]] = x[of : 2 * of]  # without places of the bus's modes
+    P = d.M[d.slices["q_b"]] @ (rates * others) + d.m_c[d.slices["q_b"]] @ x[servo_slices(of)[1]]
+    outside = h * sum(push((k + 0.5) * h) for k in range(n))
+    outside += h * payload_wrench_on_base() @ sum(shake((k + 0.5) * h)[12:18] for k in range(n))
+    late = given + P - outside
+    change = np.abs(motion[1] - motion[0])[:6] @ np.abs(d.locked)  # by the last change of the base's acceleration
+    assert np.abs(P).max() > 1e-5
+    assert np.abs(late).max() < 1e-4 * np.abs(P).max() + h * change.max()
 
 
 def payload_wrench_on_base() -> np.ndarray:
     """(6, 6): a wrench in P at its origin as one in B at its origin."""
-    pose = MODEL.model.dynamics.pose
+    pose = MODEL.dynamics.pose
     R = pose.rotation_BP
     return np.block([[R, np.zeros((3, 3))], [skew(pose.translation_B) @ R, R]])
 
 
-def by_payload_wrench(h: float, n: int) -> np.ndarray:
-    """Impulse (6,) of the wrench on the payload in n steps."""
-    return h * payload_wrench_on_base() @ sum(inputs(N_INPUTS, (k + 0.5) * h)[12:18] for k in range(n))
-
-
 def test_forces_on_the_hosts_hub_are_the_hosts() -> None:
-    step = MODEL.step_map(1e-3)
-    columns = MODEL.model.n_states + np.arange(3, 9)
-    assert not step[:, columns].any()
+    found = []
+    for load in (0.0, 10.0):
+        forces = SHAKING.copy()
+        forces[3:9] = load
+        mounted = mount()
+        found.append(np.array([mounted.step(1e-3, np.zeros(9), forces) for _ in range(3)]))
+    np.testing.assert_array_equal(*found)
 
 
 def test_a_base_that_turns_steadily_carries_the_payload_along() -> None:
-    step, x = MODEL.step_map(1e-3), PRESCRIBED.initial_state(MODEL.model)
-    u = inputs(N_INPUTS + N_MOTION, 0.0)
-    u[MOTION] = [0.0] * 6 + [1e-3, -2e-3, 3e-3]
+    mounted, turn = mount(), np.array([1e-3, -2e-3, 3e-3])  # rad/s
     for _ in range(100):
-        result = step @ np.concatenate([x, u])
-        x = result[STATES]
-    place = output_slices()
-    turned = 0.1 * u[MOTION][6:]
-    np.testing.assert_allclose(result[place["base_rotation"]], turned, rtol=1e-12)
-    rotation_BP = MODEL.model.dynamics.pose.rotation_BP
-    np.testing.assert_allclose(result[place["payload_rotation"]], rotation_BP.T @ turned, rtol=1e-9)
-    np.testing.assert_allclose(result[place["base_angular_velocity"]], u[MOTION][6:], rtol=1e-15)
-    np.testing.assert_allclose(result[REACTION], 0.0, atol=1e-12)
-
-
-def test_on_its_own_bus_the_maps_are_the_plants() -> None:
-    model = OWN.linearise(SLOPE)
-    step, hosted = model.step_map(1e-3), HostedModel(model, False)
-    wide = np.delete(hosted.step_map(1e-3), np.s_[N_OUTPUTS : N_OUTPUTS + N_HOST_OUTPUTS], axis=0)
-    columns = model.n_states + np.arange(N_EXTERNAL, N_EXTERNAL + N_MOTION)
-    assert np.array_equal(np.delete(wide, columns, axis=1), step)
-    assert not wide[:, columns].any()
-    numbers = hosted.output_map()[N_OUTPUTS + 6 : N_OUTPUTS + N_HOST_OUTPUTS, -1]
-    assert np.array_equal(numbers, hosted.locked.numbers)
+        y = mounted.step(1e-3, np.append(np.zeros(6), turn))
+    turned = 0.1 * turn
+    np.testing.assert_allclose(y[PLACE["base_rotation"]], turned, rtol=1e-12)
+    rotation_BP = MODEL.dynamics.pose.rotation_BP
+    np.testing.assert_allclose(y[PLACE["payload_rotation"]], rotation_BP.T @ turned, rtol=1e-9)
+    np.testing.assert_allclose(y[PLACE["base_angular_velocity"]], turn, rtol=1e-15)
+    np.testing.assert_allclose(y[Mounted.REACTION], 0.0, atol=1e-12)

@@ -22,8 +22,6 @@ from ps_fmu.mechanism.rotations import (
     rotation_matrix,
     rotation_vector,
     skew,
-    small_turns,
-    turn_vector,
 )
 
 angle = st.floats(-3.1, 3.1)
@@ -121,20 +119,6 @@ def test_leading_dimensions_are_kept():
     np.testing.assert_array_equal(rotation_vector(R)[2, 3], rotation_vector(R[2, 3]))
 
 
-def test_turns_whose_axis_changes_do_not_commute():
-    """Coning: an angular velocity that changes evenly, against small turns one after the other."""
-    before, growth, lasted, n = np.array([0.3, -0.1, 0.2]), np.array([-2.0, 3.0, 1.0]), 0.02, 2000  # rad/s, rad/s2, s
-    R = np.eye(3)
-    for k in range(n):
-        R = R @ rotation_from_vector((before + growth * (k + 0.5) * lasted / n) * lasted / n)
-    integral, after = before * lasted + 0.5 * growth * lasted**2, before + growth * lasted
-    found = rotation_from_vector(turn_vector(integral, before, after, lasted))
-    np.testing.assert_allclose(found, R, rtol=0.0, atol=2e-10)
-    assert np.abs(rotation_from_vector(integral) - R).max() > 2e-7
-    back = rotation_from_vector(turn_vector(-integral, after, before, -lasted))
-    np.testing.assert_allclose(back, R.T, rtol=0.0, atol=2e-10)
-
-
 RANDOM = np.random.default_rng(4)
 TURNS = RANDOM.uniform(-4.0, 4.0, (40, 3))  # rad
 SPECIAL = np.array([[0.0, 0.0, 0.0], [1e-9, 0.0, 0.0], [np.pi, 0.0, 0.0], [0.0, np.pi, 0.0], [0.0, 0.0, np.pi]])  # rad
@@ -163,19 +147,12 @@ def test_products_turn_one_after_the_other() -> None:
     np.testing.assert_allclose(back, np.tile([1.0, 0.0, 0.0, 0.0], (20, 1)), rtol=0.0, atol=1e-15)
 
 
-def test_small_turns_in_the_axes_of_the_body() -> None:
-    q, small = from_rotation_vector(TURNS[0]), np.array([1e-6, -2e-6, 3e-6])  # rad
-    exact = multiply(q, from_rotation_vector(small))
-    np.testing.assert_allclose(q + small_turns(q) @ small, exact, rtol=0.0, atol=1e-11)
-
-
 def test_many_at_once_are_those_one_by_one() -> None:
     many = np.concatenate([TURNS, SPECIAL])
     q = from_rotation_vector(many)
     np.testing.assert_allclose([from_rotation_vector(turn) for turn in many], q, rtol=0.0, atol=1e-15)
     R = to_rotation_matrix(q)
     np.testing.assert_array_equal(from_rotation_matrix(R), [from_rotation_matrix(each) for each in R])
-    np.testing.assert_array_equal(small_turns(q), [small_turns(each) for each in q])
 
 
 def test_initial_attitude_is_made_a_unit_quaternion() -> None:

@@ -126,3 +126,20 @@ def test_a_result_has_its_least_damped_pole_and_margin(values, near):
     assert (found["gain_margin_db"] < 12.0) is near
     if near:
         assert found["frequency_hz"] == pytest.approx(margins.gain_hz, rel=0.05)  # what becomes unstable
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "loop"),
+    [("LineOfSight.ssd", {}, "line of sight"), ("SystemStructure.ssd", {"isolator.delay": 0.02}, "isolator")],
+)
+def test_a_result_has_the_gain_margin_of_each_loop(name, values, loop):
+    """Poles are counted a little within and beyond it: a loop's gain is its crossover, or a factor on the forces."""
+    result = ps_fmu.simulate("isolation", system=name, duration=0.1, parameters=values, progress=False)
+    found = result.stability["active"]["gain_margins_db"]
+    assert loop in found and "gain margin: isolator" in str(result)
+    system = read_system(SYSTEM / name, find_built_folder())
+    for share in (0.99, 1.01):
+        gain = 10.0 ** (share * found[loop] / 20.0)
+        louder = {"pointing.loop.crossover_frequency": 1.25 * gain} if loop == "line of sight" else {}
+        circuit = Circuit(read_model(system.with_parameters({**values, **louder}), 1e-4), True, 1.0 if louder else gain)
+        assert (len(circuit.unstable) > 0) == (share > 1.0)

@@ -3,15 +3,65 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ps_fmu.mechanism.dynamics import rigid_body_mass
-from ps_fmu.mechanism.mounted import LockedMass, gyroscopic_rates
+from ps_fmu.mechanism.dynamics import Dynamics, rigid_body_mass
 from ps_fmu.mechanism.parameters import Bus
+from ps_fmu.mechanism.rotations import skew
+from ps_fmu.mechanism.signals import N_OUTPUTS
+from ps_fmu.mechanism.stepping import Memory
+
+from .models import Host
 
 Array = NDArray[np.float64]
+
+
+UPPER = np.triu_indices(3)
+
+
+@dataclass(frozen=True, eq=False)
+class LockedMass:
+    """Legs and payload as one rigid body at a pose."""
+
+    mass: float  # kg
+    com_B: Array  # (3,) m
+    inertia_B: Array  # (3, 3) kg.m2, about the origin of B
+
+    @classmethod
+    @np.errstate(over="raise", divide="raise", invalid="raise")
+    def of(cls, dynamics: Dynamics) -> LockedMass:
+        """Of the payload on the legs of ``dynamics``."""
+        M = dynamics.locked
+        mass = float(M[0, 0])
+        moment = 0.5 * (M[3:, :3] - M[:3, 3:])  # m skew(com)
+        return cls(mass, np.array([moment[2, 1], moment[0, 2], moment[1, 0]]) / mass, 0.5 * (M[3:, 3:] + M[3:, 3:].T))
+
+    @property
+    def matrix(self) -> Array:
+        """(6, 6) mass matrix, B axes at the origin of B."""
+        rho = skew(self.com_B)
+        return rigid_body_mass(self.mass, self.com_B, self.inertia_B + self.mass * rho @ rho)
+
+    @property
+    def numbers(self) -> Array:
+        """(10,) mass, centre of mass x, y, z, inertia xx, xy, xz, yy, yz, zz."""
+        return np.concatenate([[self.mass], self.com_B, self.inertia_B[UPPER]])
+
+
+def gyroscopic_rates(mass: Array, turn_B: Array) -> Array:
+    """(6, 3): derivative by the angular velocity of the force and torque that a rigid body needs to turn steadily.
+
+    ``[w x (w x S); w x (I w)]`` with first moment S and inertia I about the origin, from its mass matrix (6, 6), at
+    ``turn_B`` (3,), rad/s.
+    """
+    moment = mass[3:, :3]  # skew(S)
+    first, inertia = np.array([moment[2, 1], moment[0, 2], moment[1, 0]]), mass[3:, 3:]
+    across = skew(turn_B)
+    by_force = -across @ moment - skew(np.cross(turn_B, first))
+    return np.vstack([by_force, across @ inertia - skew(inertia @ turn_B)])
 
 
 def cube(mass: float) -> Bus:
@@ -56,3 +106,35 @@ def fly(step: Callable[[Array], Array], locked: Callable[[], LockedMass], hub: H
     reaction = np.zeros(6)
     for k in range(n):
         reaction = step(hub.step(locked(), reaction + push((k + 0.5) * h), h))
+
+
+class Mounted:
+    """The plant FMU at rest on the base of a host, as a Python object.
+
+    ``start``: parameters and inputs at the start.  The bus has no modes.
+    """
+
+    REACTION = slice(N_OUTPUTS, N_OUTPUTS + 6)
+    MOTION = slice(18, 27)
+    """Of the inputs."""
+
+    def __init__(self, **start: float) -> None:
+        rigid = {f"bus__mode_{i}__frequency": 0.0 for i in range(1, 7)}
+        self.slave = Host("manipulator_plant", base="prescribed", **rigid, **start).run_mode().slave
+        self.n = self.slave.step.mechanism.n
+        self.memory = Memory.from_buffer(self.slave.memory)
+
+    def step(self, h: float, motion: Array, forces: Array | None = None) -> Array:
+        """Outputs after a step with motion (9,) of the base and forces (18,)."""
+        self.slave.u[self.MOTION] = motion
+        self.slave.u[:18] = 0.0 if forces is None else forces
+        self.slave.do_step(self.slave.time, h)
+        return self.slave.y.copy()
+
+    @property
+    def locked(self) -> LockedMass:
+        """As the outputs state it."""
+        mass, *numbers = self.slave.y[N_OUTPUTS + 6 :]
+        inertia = np.zeros((3, 3))
+        inertia[UPPER] = numbers[3:]
+        return LockedMass(mass, np.array(numbers[:3]), inertia + np.triu(inertia, 1).T)

@@ -40,6 +40,9 @@ def isolator(templates):
     return templates["isolator"][0]
 
 
+ASKED = ("active", "original")
+
+
 def run(fmu, **options):
     return ps_fmu.simulate("isolation", replace={"isolator": fmu}, **{**SHORT, **options})
 
@@ -68,13 +71,45 @@ def test_the_template_of_an_isolator_isolates_by_the_law_that_it_states(isolator
     assert not np.asarray(result.passive["fine_force"]).any()
 
 
+def test_poles_of_a_controller_of_ones_own_are_unknown_and_those_beside_it_known(isolator):
+    result = run(isolator)
+    mine, theirs = (result.stability[case] for case in ASKED)
+    assert mine["stable"] is mine["gain_margin_db"] is None
+    assert mine["unknown"].startswith("isolator: the linear model does not include the FMU MyIsolator; it includes ")
+    assert theirs["stable"] and theirs["gain_margin_db"] == 12.0
+    assert "poles and margins of the loop are unknown: isolator: the linear model" in " ".join(str(result).split())
+
+
+def test_the_template_of_an_isolator_has_the_numbers_of_an_instrument(tmp_path, capsys):
+    """Half as long: the legs grow half as much.  A quarter of the stiffness and of the mass: as much of the damping."""
+    (tmp_path / "small.toml").write_text(
+        'base = "paper"\nmanipulator = { scale = 0.5, fine_legs = { stiffness = 8012.95 } }\n[payload]\nmass = 3.7225\n'
+    )
+    scripts = [tmp_path / "paper.py", tmp_path / "small.py"]
+    assert main(["new", "isolator", str(scripts[0])]) == 0
+    assert main(["new", "isolator", str(scripts[1]), "--instrument", str(tmp_path / "small.toml")]) == 0
+    turned, stiffness, damping = [], [], []
+    for script in scripts:
+        text = script.read_text()
+        rows = re.search(r"ELONGATION = np.array\((.*)\)", text)[1]
+        turned.append(np.array(json.loads(rows)))
+        stiffness.append(float(re.search(r'Stiffness of a fine leg", start=([\d.]+)', text)[1]))
+        damping.append(float(re.search(r'added to a leg", start=([\d.]+)', text)[1]))
+    assert np.abs(turned[1] - 0.5 * turned[0]).max() < 5e-4  # m/rad
+    assert stiffness == pytest.approx([32051.8, 8012.95], abs=1e-3) and damping == [900.0, 225.0]
+    assert main(["new", "sensor", str(tmp_path / "sensor.py"), "--instrument", "small.toml"]) == 2
+    assert "--instrument: the template sensor has no number of an instrument" in capsys.readouterr().err
+
+
 def test_the_comparison_has_the_unit_of_the_requirements(isolator, tmp_path):
     asked = tmp_path / "asked.toml"
     asked.write_text(
         '[[requirement]]\nname = "a"\nsignal = "plant.payload_rotation.x"\nindex = "APE"\nstatistic = "peak"\n'
-        'limit = "1 urad"\n'
+        'limit = "1 urad"\ncase = ["active", "original"]\n'
     )
     result = run(isolator, requirements=asked)
+    peaks = [1e6 * np.abs(np.asarray(result[case]["payload_rotation"].sel(axis="x"))).max() for case in ASKED]
+    assert [one["value"] for one in result.summary["verdicts"]] == pytest.approx(peaks, rel=1e-9)
     mine, theirs = re.search(r"original RMS \(urad\).*\n-+\nx +(\S+) +(\S+)", str(result)).groups()
     assert float(mine) == pytest.approx(1e6 * result.summary["rms_active_rad"][0], rel=1e-3)
     rotation = np.asarray(result["original"]["payload_rotation"].sel(axis="x"))

@@ -10,10 +10,18 @@ import ctypes
 from ctypes import c_double, c_int64
 from dataclasses import dataclass
 
-from ..mechanism.inverse_kinematics import N_GEOMETRY, TRILATERATION, Method, make_algorithm_1, pack_geometry
-from ..mechanism.kinematics import Geometry
+from ..mechanism.inverse_kinematics import (
+    N_GEOMETRY,
+    TRILATERATION,
+    Method,
+    inverse_kinematics,
+    make_algorithm_1,
+    pack_geometry,
+    why_unreachable,
+)
+from ..mechanism.kinematics import Geometry, KinematicsError
 from ..mechanism.parameters import Manipulator, Parameters
-from ..mechanism.quantities import Checked, group, quantity
+from ..mechanism.quantities import Array, Checked, group, quantity
 
 
 def is_geometric(name: str) -> bool:
@@ -86,6 +94,13 @@ class Commander:
     def method(self) -> Method:
         """The chosen method of inverse kinematics."""
         return self.algorithm_1.method() if self.use_algorithm_1 else TRILATERATION
+
+    def refusal(self, orientation: Array) -> str | None:
+        """Why the first unreachable of these orientations, (..., 3) rad, is so; None: all are reachable."""
+        try:
+            return why_unreachable(self.geometry, inverse_kinematics(self.geometry, orientation, self.method))
+        except KinematicsError as error:  # Algorithm 1 did not converge
+            return str(error)
 
     def pack(self, resolution: float, *, target: int, memory: int, outputs: int) -> CommanderWords:
         """What the steps in C take: the resolution of the coarse commands (m) and places in the buffer."""

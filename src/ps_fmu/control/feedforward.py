@@ -145,11 +145,11 @@ class Controller:
     @property
     def n_states(self) -> int:
         """Size of ``x``."""
-        return count_states(self.lowpass.order)
+        return 12 + 3 * self.lowpass.order
 
     def matrices(self) -> tuple[Array, Array, Array, Array]:
         """A, B, C, D of ``x' = A x + B a``, ``f = C x + D a``."""
-        A, B = make_filters(self.lowpass, self.filters)
+        A, B = _filters(self.lowpass, self.filters)
         return A, self._driven(B), *self._outputs()
 
     def output_map(self) -> Array:
@@ -179,7 +179,7 @@ class Controller:
         return np.asarray(sum(filtered[..., None, None] * gain for filtered, gain in parts))
 
     def _driven(self, B: Array) -> Array:
-        """What drives the filters, (n, 6): B of :func:`make_filters` with the forces made from the acceleration."""
+        """What drives the filters, (n, 6): B of the filters with the forces made from the acceleration."""
         return np.asarray(B[:, :6] + B[:, 6:] @ self.gains.acceleration)
 
     def _outputs(self) -> tuple[Array, Array]:
@@ -191,14 +191,9 @@ class Controller:
         return C, low.d * self.gains.acceleration
 
 
-def count_states(order: int) -> int:
-    """Size of the state of a controller with a low-pass of an order."""
-    return 12 + 3 * order
-
-
-def make_filters(lowpass: Lowpass, filters: FeedforwardFilters) -> tuple[Array, Array]:
+def _filters(lowpass: Lowpass, filters: FeedforwardFilters) -> tuple[Array, Array]:
     """A and B of ``x' = A x + B [q_b''; K_a q_b'']``, (n, n) and (n, 9): the part that no pose changes."""
-    n, omega = count_states(lowpass.order), 2.0 * np.pi * filters.highpass_frequency
+    n, omega = 12 + 3 * lowpass.order, 2.0 * np.pi * filters.highpass_frequency
     A, B = np.zeros((n, n)), np.zeros((n, 9))
     p, v = slice(0, 6), slice(6, 12)
     A[p, v] = np.eye(6)
@@ -213,7 +208,7 @@ def make_filters(lowpass: Lowpass, filters: FeedforwardFilters) -> tuple[Array, 
 @lru_cache(maxsize=8)
 def _held_filters(lowpass: Lowpass, filters: FeedforwardFilters, h: float) -> tuple[Array, Array]:
     """The filters over a step of ``h`` (s) with the input held; read-only."""
-    held = zero_order_hold(*make_filters(lowpass, filters), h)
+    held = zero_order_hold(*_filters(lowpass, filters), h)
     for matrix in held:
         matrix.setflags(write=False)
     return held

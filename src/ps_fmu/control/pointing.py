@@ -29,7 +29,7 @@ from ..mechanism.dynamics import Pose, find_fine_mass
 from ..mechanism.kinematics import jacobians
 from ..mechanism.parameters import Manipulator, Parameters, Payload
 from ..mechanism.quantities import Array, Checked, Complex, group, quantity
-from .isolator import N_MECHANISM, known_payload, nominal_pose, pack_mechanism
+from .isolator import N_MECHANISM, AxisFilter, known_payload, nominal_pose, pack_filter, pack_mechanism
 
 #: States of a controller: for each axis the first and second integral of the error, the command and its rate.
 N_STATES = 12
@@ -179,22 +179,25 @@ class PointingLaw:
 
     def pack(self, limit: float, **places: int) -> PointingWords:
         """What the steps in C take: the force limit, N, and places in the buffer; no gains are kept yet."""
-        proportional, integral, stiffness, damping = self.loop.matrices()[0][3]
+        A, B = self.loop.matrices()
+        filtering, arrays = pack_filter(A, np.hstack([B, A[:, :1] * np.eye(4)[:, 3:]]))
         mechanism = pack_mechanism(self.manipulator, self.payload)
-        return PointingWords(
-            mechanism, **places, limit=limit, proportional=proportional, integral=integral, stiffness=-stiffness,
-            damping=-damping,
-        )
+        words = PointingWords(mechanism, filtering, (c_double * 4)(*A[3]), limit, **places)
+        words.arrays = arrays
+        return words
 
 
 class PointingWords(ctypes.Structure):
     """``Pointing`` of ``native/control/pointing.c``."""
 
     _fields_ = (
-        ("mechanism", c_double * N_MECHANISM),
+        ("mechanism", c_double * N_MECHANISM), ("filter", AxisFilter), ("acceleration", c_double * 4),
+        ("limit", c_double),
         *((name, c_int64) for name in (
-            "orientation", "kept_orientation", "error", "driving", "filter", "forces", "unlimited", "locked", "enabled",
+            "orientation", "kept_orientation", "error", "states", "unlimited", "locked", "enabled", "forces",
         )),
-        *((name, c_double) for name in ("limit", "proportional", "integral", "stiffness", "damping")),
         ("gains", c_double * 27),
     )  # fmt: skip
+
+    arrays: list[Array]
+    """What the words point to."""

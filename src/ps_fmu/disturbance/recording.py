@@ -352,6 +352,17 @@ class _Rows:
         return _Rows(time, self.interpolate(time))
 
 
+class LinearRows(Source):
+    """A wrench (n, 6), N and N.m, that is linear between ascending times (n,), s, and zero before and after them."""
+
+    function: ClassVar[str] = "add_recording"
+
+    def __init__(self, time: Array, wrench: Array) -> None:
+        rows = _Rows(np.array(time, dtype=np.float64), np.array(wrench, dtype=np.float64))
+        self.words = library.Recording(rows.describe(), rows.describe())
+        self.words.kept = rows
+
+
 @dataclass(frozen=True)
 class RecordingSettings(Kind):
     """A file; no path means off."""

@@ -10,6 +10,7 @@ are parameters of the FMU.  Its class method ``from_parameters`` makes one from 
 from __future__ import annotations
 
 import importlib.util
+import re
 import sys
 import textwrap
 from collections import Counter
@@ -17,14 +18,18 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 from fmpy.model_description import ModelDescription
 
+from ..control.isolator import nominal_pose
 from ..cosim import System, read_system
 from ..cosim.description import read_descriptions
 from ..cosim.ssp.writing import start_values_xml
 from ..cosim.structure import Parameter
 from ..files.plain import write_atomically
 from ..mechanism.instrument import Instrument, read_instrument
+from ..mechanism.kinematics import platform_jacobian
+from ..mechanism.parameters import load
 from ..product.files import find_product
 from ..slavekit.author.slave import Slave
 from ..slavekit.pack.build import find_folders
@@ -124,6 +129,32 @@ def write_start_values(
         *_describe(instrument),
         *([f"not in [start], so they keep their own start values: {', '.join(untold)}"] if untold else []),
     ]
+
+
+def fill_isolator(text: str, source: Path) -> str:
+    """The template of an isolator with the numbers of an instrument in place of the paper's.
+
+    A leg grows with the payload's rotation as the coarse legs allow, which keep their lengths: with the rows ``[t r]``
+    of J_lp, eq (6), for translation and rotation, ``r_f - t_f t_c^-1 r_c`` (m/rad).  The damping keeps its damping
+    ratio: it goes with sqrt(stiffness x mass of the payload).  Raises ParameterError, KinematicsError.
+    """
+    own, paper = read_instrument(source).parameters, load()
+    manipulator = own.manipulator
+    pose = nominal_pose(manipulator, np.zeros(3))
+    coarse, fine = np.split(platform_jacobian(manipulator.geometry, pose.translation_B, pose.rotation_BP), 2)
+    turned = fine[:, 3:] - fine[:, :3] @ np.linalg.solve(coarse[:, :3], coarse[:, 3:])
+    stiffness, others = (np.mean([leg.stiffness for leg in p.manipulator.fine_legs]) for p in (own, paper))
+    share = np.sqrt(stiffness / others * own.payload.mass / paper.payload.mass)
+    rows = ", ".join(str([round(float(one), 5) for one in row]) for row in turned @ pose.rotation_BP)
+    for pattern, new in (
+        (r"of the paper's geometry\.", f"of {source.name}."),
+        (r"np\.array\(\[\[.*\]\]\)", f"np.array([{rows}])"),
+        (r"(?<=Stiffness of a fine leg\", start=)[^,]*", f"{round(float(stiffness), 3)}"),
+        (r"(?<=added to a leg\", start=)[^,]*", f"{round(900.0 * float(share), 1)}"),
+    ):
+        text, found = re.subn(pattern, new, text)
+        assert found == 1, pattern
+    return text
 
 
 def _describe(instrument: Instrument) -> list[str]:

@@ -6,7 +6,7 @@ has the critical point +1: poles of the closed loops are zeros of det(E - M), wi
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -26,7 +26,7 @@ from ..theory.sampled import (
     make_plant_block,
     make_sensors_block,
 )
-from ..theory.stability import UnstableError, find_growing, find_unstable, refine_pole
+from ..theory.stability import UnstableError, find_gain_margin, find_growing, find_unstable, refine_pole
 from ..theory.transfer_matrices import place_frequencies
 from .system_model import (
     COILS,
@@ -43,7 +43,11 @@ from .system_model import (
 
 #: What the tracker sees: the boresight, which truss modes turn, and the roll of the platform.
 SEEN = ("line_of_sight.x", "line_of_sight.y", "payload_rotation.z")
+#: Loops by the FMU that closes them.
+LOOPS: Mapping[str, str] = {ISOLATOR: "isolator", POINTING: "line of sight"}
 LOWEST = 1e-7  # Hz, of the curve that poles are counted by
+LOWEST_MARGIN = 1e-4  # Hz
+GRID = 100, 8  # frequencies for a gain margin, which is then followed between them; and about each resonance
 SHOWN = 3  # of these that are said to matter
 LEAST_MOVED = 0.1  # of a pole's real part: a pole that moves by less is one of the structure
 GAIN_STEP, MOST_GAIN_DB = 10.0**0.2, 12.0  # steps of 4 dB, up to 12 dB either way, are tried for a gain margin
@@ -52,28 +56,42 @@ SMALL_TURN = 0.01  # of a parameter, for the derivative of a pole
 
 
 class Reserve(NamedTuple):
-    """How far a stable isolator is from instability."""
+    """How far stable loops are from instability.
 
-    pole: complex
-    """The least damped of the poles that the isolator moves, rad/s."""
+    Of an isolator without a long delay alone: the pole, and a gain margin up to :data:`MOST_GAIN_DB`.  Else the gain
+    margin of each loop.
+    """
+
+    pole: complex | None
+    """The least damped of the poles that the isolator moves, rad/s; None: it would take too long in a run."""
     gain_db: float
-    """Change of its gain that makes it unstable; inf: none up to :data:`MOST_GAIN_DB` does."""
+    """Change of the gain of a loop that makes it unstable, the least of all; inf: none does."""
+    gains: Mapping[str, tuple[float, float]] = {}
+    """Change of the gain, dB, that makes the loop unstable while the other is closed, and at which frequency, Hz."""
 
     @property
-    def frequency_hz(self) -> float:
+    def frequency_hz(self) -> float | None:
         """Of the pole."""
-        return abs(self.pole) / (2.0 * np.pi)
+        return None if self.pole is None else abs(self.pole) / (2.0 * np.pi)
 
     @property
-    def damping_ratio(self) -> float:
+    def damping_ratio(self) -> float | None:
         """Of the pole."""
-        return -self.pole.real / abs(self.pole)
+        return None if self.pole is None else -self.pole.real / abs(self.pole)
 
     def __str__(self) -> str:
+        if self.pole is None:
+            return f"gain margin: {', '.join(f'{loop} {_show_gain(*one)}' for loop, one in self.gains.items())}"
         edge = f"{abs(self.gain_db):.1f} dB" if np.isfinite(self.gain_db) else f"more than {MOST_GAIN_DB:g} dB"
         side = " downwards" if self.gain_db < 0.0 and np.isfinite(self.gain_db) else ""
         pole = f"{self.frequency_hz:.4g} Hz, damping ratio {self.damping_ratio:.2g}"
         return f"least damped pole that the isolator moves: {pole}; gain margin: {edge}{side}"
+
+
+def _show_gain(gain_db: float, at_hz: float) -> str:
+    if not np.isfinite(gain_db):
+        return "without limit"
+    return f"{abs(gain_db):.1f} dB{' downwards' if gain_db < 0.0 else ''} (unstable at {at_hz:.3g} Hz)"
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,13 +166,15 @@ class Circuit:
 
     @cached_property
     def reserve(self) -> Reserve | None:
-        """How far a stable isolator is from instability; None: it is off, unstable, or too costly to tell in a run.
+        """How far stable loops are from instability; None: the isolator is off, or a loop is unstable.
 
-        That is where a line-of-sight loop is closed, or the delay is long: ``ps-fmu analyse stability`` has poles and
-        margins of all.  It takes some 20 ms.
+        It takes some 20 ms, and 0.5 s for each loop where a line-of-sight loop is closed, or the delay is long.
         """
-        if not self.active or self.closed or self.has_long_delay or len(self.unstable):
+        if not self.active or len(self.unstable):
             return None
+        if self.closed or self.has_long_delay:
+            gains = {LOOPS[fmu]: find_gain_margin(*self.open_loop(fmu, *GRID)) for fmu in self.loops}
+            return Reserve(None, min((gain for gain, _ in gains.values()), key=abs), gains)
         open_poles = replace(self, active=False).poles
         poles = self.poles[self.poles.imag > 0.0]
         distance = np.abs(poles[:, None] - open_poles).min(axis=1)
@@ -207,6 +227,17 @@ class Circuit:
         rest = slice(3, 6) if own.start == 0 else slice(0, 3)
         inner = np.linalg.solve(np.eye(3) - M[:, rest, rest], M[:, rest, own])
         return np.asarray(M[:, own, own] + M[:, own, rest] @ inner)
+
+    def open_loop(self, fmu: str, points: int, dense: int) -> tuple[Callable[[Array], Complex], Array]:
+        """Loop transfer of frequencies (n,), Hz, one of :attr:`loops` cut and the other closed, critical point -1.
+
+        With it frequencies for margins, Hz: a grid of ``points``, and ``dense`` about each resonance.
+        """
+
+        def transfer(f: Array) -> Complex:
+            return np.asarray(-self.cut_loop(fmu, np.asarray(2j * np.pi * f)))
+
+        return transfer, place_frequencies(self.open_poles, LOWEST_MARGIN, 0.5 / self.model.step, points, dense)
 
     def characteristic(self, s: Complex) -> Complex:
         """det(E - M) without the poles at zero that the controller's integrators have, (n,), at s (n,), rad/s."""

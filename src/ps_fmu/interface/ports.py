@@ -6,7 +6,9 @@ import functools
 from collections.abc import Callable, Iterable
 from typing import Any, TypeVar
 
-from ..mechanism.quantities import ParameterError, Signal, list_entries
+import numpy as np
+
+from ..mechanism.quantities import Array, ParameterError, Signal, list_entries
 from ..slavekit.author.guard import ModelError
 from ..slavekit.author.variables import Port, Type, vector
 
@@ -86,6 +88,16 @@ def refuse_parameters(method: F) -> F:
             raise ModelError(str(error)) from None
 
     return wrapper  # type: ignore[return-value]
+
+
+def differentiate(matrices: Callable[[Array], tuple[Array, ...]], at: Array) -> list[list[Array]]:
+    """By each of three angles (rad): the derivatives of matrices that are functions of them, by central differences."""
+    step = 1e-5  # rad; leaves 1e-10 of the matrices
+    found = []
+    for turn in step * np.eye(3):
+        pairs = zip(matrices(at + turn), matrices(at - turn), strict=True)
+        found.append([np.asarray(above - below) / (2.0 * step) for above, below in pairs])
+    return found
 
 
 def refuse_delays(**times: float) -> None:

@@ -43,16 +43,26 @@ def first_order_hold(A: Array, B: Array, h: float) -> HeldStep:
     return HeldStep(*_discretise(A, B, h, True))
 
 
-def _discretise(A: Array, B: Array, h: float, ramp: bool) -> tuple[Array, Array, Array]:
+def prepare(A: Array, B: Array, ramp: bool = False) -> tuple[Discretisation, list[Array]]:
+    """The work in C for ``x' = A x + B u``, and the arrays it points to: A, B, Ad, Bd, Rd by columns, and its room.
+
+    The arrays have to be kept as long.  A host in C gives the step.
+    """
     (n, m), library = B.shape, find_library()
     stride = max(-(-n // _LANES), 1) * _LANES
     sizes = n * stride, m * stride, n * stride, m * stride, m * stride * ramp, library.discretise_room(n)
     arrays = [allocate(size) for size in sizes]
-    given_A, given_B, Ad, Bd, Rd = (array.reshape(-1, stride)[:, :n].T for array in arrays[:5])
-    given_A[:], given_B[:] = A, B
+    for array, given in zip(arrays, (A, B), strict=False):
+        array.reshape(-1, stride)[:, :n] = given.T
     addresses = [find_address(array) if array.size else None for array in arrays]
-    work = Discretisation(n, m, stride, h, *addresses, largest=np.inf)
-    if library.discretise(byref(work), _ALL) != _DONE:
+    return Discretisation(n, m, stride, 0.0, *addresses, largest=np.inf), arrays
+
+
+def _discretise(A: Array, B: Array, h: float, ramp: bool) -> tuple[Array, Array, Array]:
+    work, arrays = prepare(A, B, ramp)
+    work.step = h
+    Ad, Bd, Rd = (array.reshape(-1, work.stride)[:, : len(A)].T for array in arrays[2:5])
+    if find_library().discretise(byref(work), _ALL) != _DONE:
         for result in (Ad, Bd, Rd):
             result[:] = np.nan
     return np.ascontiguousarray(Ad), np.ascontiguousarray(Bd), np.ascontiguousarray(Rd)

@@ -25,7 +25,6 @@ by 3-13 % near resonance when a coarse leg extends).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import accumulate
 
 import numpy as np
@@ -45,14 +44,10 @@ _EYE = np.eye(3)
 
 @dataclass(frozen=True, eq=False)
 class Pose:
-    """A pose of the platform relative to the base, or many."""
+    """A pose of the platform relative to the base."""
 
-    translation_B: Array  # (..., 3), origin of P in B, m
-    rotation_BP: Array  # (..., 3, 3), maps components in P to components in B
-
-    def __getitem__(self, k: int) -> Pose:
-        """One pose of many."""
-        return Pose(self.translation_B[k], self.rotation_BP[k])
+    translation_B: Array  # (3,), origin of P in B, m
+    rotation_BP: Array  # (3, 3), maps components in P to components in B
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,24 +55,30 @@ class Dynamics:
     """``M q'' + C q' + K q = E_f f_f + E_b w_b - m_c s''`` about a pose, ``q`` as in the module's text.
 
     ``n`` is the number of coordinates.  Coordinates of modes that are switched off (frequency or stiffness zero)
-    keep their place: ``active`` is False there and their rows and columns are to be left out.  Many poses at once give
-    leading dimensions to what depends on the pose.
+    keep their place: ``active`` is False there and their rows and columns are to be left out.
     """
 
     pose: Pose
     jacobians: Jacobians
-    M: Array  # (..., n, n) kg, kg.m, ...
-    C: Array  # (..., n, n)
+    M: Array  # (n, n) kg, kg.m, ...
+    C: Array  # (n, n)
     K: Array  # (n, n)
-    m_c: Array  # (..., n, 3) inertial coupling of a prescribed coarse-leg motion s
-    locked: Array  # (..., 6, 6) mass of legs and payload as one body on the base, B axes at its origin
+    m_c: Array  # (n, 3) inertial coupling of a prescribed coarse-leg motion s
+    locked: Array  # (6, 6) mass of legs and payload as one body on the base, B axes at its origin
     active: NDArray[np.bool_]  # (n,)
     slices: dict[str, slice]  # group -> its place in q
 
-    def __getitem__(self, k: int) -> Dynamics:
-        """At one pose of many."""
-        by_pose = self.pose[k], self.jacobians[k], self.M[k], self.C[k], self.K
-        return Dynamics(*by_pose, self.m_c[k], self.locked[k], self.active, self.slices)
+    @classmethod
+    def of(cls, mechanism: Mechanism, pose: Pose, J: Jacobians) -> Dynamics:
+        """Of a mechanism at a pose, with the Jacobians there."""
+        M, m_c, locked = mechanism.find_masses(pose.translation_B, pose.rotation_BP, J.J_pl)
+        mechanism.damp_rods(M)
+        stiffness, damping, active = mechanism.describe_coordinates()
+        sizes = (3, 6, mechanism.struct.n_bus, 3, mechanism.struct.n_payload)
+        slices = {
+            group: slice(end - size, end) for group, size, end in zip(GROUPS, sizes, accumulate(sizes), strict=True)
+        }
+        return cls(pose, J, M, np.diag(damping), np.diag(stiffness), m_c, locked, active, slices)
 
     @property
     def n(self) -> int:
@@ -92,13 +93,11 @@ class Dynamics:
     def platform_rows(self) -> Array:
         """Twist of the platform (t_p, theta_p), B axes, from the coordinates; eqs (8), (24) with plus signs.
 
-        (..., 6, n)
+        (6, n)
         """
-        return self._platform_rows
-
-    @cached_property
-    def _platform_rows(self) -> Array:
-        return _make_platform_rows(self.jacobians, self.slices)
+        rows, J = np.zeros((6, self.n)), self.jacobians
+        rows[:, self.slices["d_f"]], rows[:, self.slices["q_b"]], rows[:, self.slices["e_c"]] = J.J_pf, J.J_pb, J.J_pc
+        return rows
 
 
 def rigid_body_mass(mass: float, com: Array, inertia_com: Array) -> Array:
@@ -134,54 +133,9 @@ def find_fine_mass(manipulator: Manipulator, payload: Payload, pose: Pose, J: Ja
 
 
 def assemble(manipulator: Manipulator, payload: Payload, bus: Bus, pose: Pose) -> Dynamics:
-    """The full model at one pose, see :class:`FlexibleSystem`."""
-    return FlexibleSystem(manipulator, payload, bus).at(pose)
+    """The full model at one pose.
 
-
-@dataclass(frozen=True, eq=False)
-class FlexibleSystem:
-    """Manipulator, payload and bus; what does not depend on the pose is made once.
-
-    Modes with frequency or stiffness zero are inactive.
+    Modes with frequency or stiffness zero are inactive.  Raises SingularPoseError.
     """
-
-    manipulator: Manipulator
-    payload: Payload
-    bus: Bus
-
-    def at(self, pose: Pose, J: Jacobians | None = None) -> Dynamics:
-        """The full model at a pose, or at many at once; ``J``: the Jacobians there, if they are known."""
-        if J is None:
-            J = jacobians(self.manipulator.geometry, pose.translation_B, pose.rotation_BP)
-        mechanism, n, batch, slices = self._mechanism, self.n, J.J_pl.shape[:-2], self._slices
-        stiffness, damping, active = mechanism.describe_coordinates()
-        M, C, m_c = np.empty((*batch, n, n)), np.zeros((*batch, n, n)), np.empty((*batch, n, 3))
-        locked = np.empty((*batch, 6, 6))
-        for k in np.ndindex(batch):
-            M[k], m_c[k], locked[k] = mechanism.find_masses(pose.translation_B[k], pose.rotation_BP[k], J.J_pl[k])
-            damping[slices["e_c"]] = mechanism.damp_rods(M[k])
-            np.fill_diagonal(C[k], damping)
-        return Dynamics(pose, J, M, C, np.diag(stiffness), m_c, locked, active, slices)
-
-    @cached_property
-    def _mechanism(self) -> Mechanism:
-        return Mechanism(self.manipulator, self.payload, self.bus)
-
-    @property
-    def n(self) -> int:
-        """Number of coordinates, inactive ones included."""
-        return self._mechanism.n
-
-    @cached_property
-    def _slices(self) -> dict[str, slice]:
-        n_bus, n_payload = self._mechanism.struct.n_bus, self._mechanism.struct.n_payload
-        sizes = dict(zip(GROUPS, (3, 6, n_bus, 3, n_payload), strict=True))
-        ends = dict(zip(GROUPS, accumulate(sizes.values()), strict=True))
-        return {group: slice(ends[group] - size, ends[group]) for group, size in sizes.items()}
-
-
-def _make_platform_rows(J: Jacobians, slices: dict[str, slice]) -> Array:
-    """See :meth:`Dynamics.platform_rows`."""
-    rows = np.zeros((*J.J_pl.shape[:-1], slices[GROUPS[-1]].stop))
-    rows[..., slices["d_f"]], rows[..., slices["q_b"]], rows[..., slices["e_c"]] = J.J_pf, J.J_pb, J.J_pc
-    return rows
+    J = jacobians(manipulator.geometry, pose.translation_B, pose.rotation_BP)
+    return Dynamics.of(Mechanism(manipulator, payload, bus), pose, J)

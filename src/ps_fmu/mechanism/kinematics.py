@@ -18,7 +18,7 @@ from math import isfinite
 import numpy as np
 
 from .quantities import Array, freeze
-from .rotations import cross, lengths, roll_pitch_yaw, rotation_from_vector, skew
+from .rotations import cross, lengths, roll_pitch_yaw, rotation_from_vector
 
 _EYE = np.eye(3)
 
@@ -48,22 +48,6 @@ class Geometry:
         """(6,) what makes a twist of the platform one of lengths: 1, and the :attr:`platform_radius`, m."""
         return np.repeat([1.0, self.platform_radius], 3)
 
-    @cached_property
-    def base_points(self) -> Array:
-        """(18, 6): velocities of the base joints, one below the other, from the twist of B; eq (A5)."""
-        return point_rows(self.base_joints_B)
-
-
-def point_rows(arms: Array) -> Array:
-    """Velocities of points at ``arms``, one below the other, from the twist of their body, eq (A5).
-
-    (..., n, 3) to (..., 3 n, 6).  The transpose maps forces on the points to force and torque about the body's origin.
-    """
-    rows = np.zeros((*arms.shape, 6))
-    rows[..., :3] = _EYE
-    rows[..., 3:] = -skew(arms)
-    return rows.reshape(*arms.shape[:-2], -1, 6)
-
 
 # Condition number of the length-scaled J_lp beyond which a pose counts as singular.  It is 4.2 to 4.7 in
 # the whole workspace of the identified geometry; at 1e6 a leg error of 1 um can move the platform joints by
@@ -77,36 +61,6 @@ class KinematicsError(ValueError):
 
 class SingularPoseError(KinematicsError):
     """The legs do not determine the motion of the platform (eq 12)."""
-
-
-@dataclass(frozen=True, eq=False)
-class LegLines:
-    """Where the legs are at a pose; leading dimensions as those of the pose."""
-
-    arms_B: Array
-    """(..., 6, 3), m: platform joints from the origin of P, in B."""
-    n_B: Array
-    """(..., 6, 3): directions from base joint to platform joint."""
-    length: Array
-    """(..., 6), m."""
-
-    @cached_property
-    def platform_points(self) -> Array:
-        """(..., 18, 6): velocities of the platform joints from the twist of P, :func:`.kinematics.point_rows`."""
-        return point_rows(self.arms_B)
-
-    @property
-    def vectors_B(self) -> Array:
-        """(..., 6, 3), m, from base joint to platform joint."""
-        return self.length[..., None] * self.n_B
-
-
-def find_leg_lines(geometry: Geometry, translation_B: Array, R: Array) -> LegLines:
-    """The legs at a pose; arguments as :func:`leg_vectors`."""
-    arms_B = platform_joints_B(geometry, R)
-    vectors_B = translation_B[..., None, :] + arms_B - geometry.base_joints_B
-    length = np.sqrt(np.vecdot(vectors_B, vectors_B))
-    return LegLines(arms_B, vectors_B / length[..., None], length)
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,12 +79,6 @@ class Jacobians:
     """(..., 6, 6), eq (9): the inverse of J_lp."""
     J_pb: Array
     """(..., 6, 6), eq (10): base motion to platform motion with all legs held."""
-    legs: LegLines
-
-    def __getitem__(self, k: int | slice | list[int]) -> Jacobians:
-        """At one pose of many, or at some."""
-        lines = LegLines(self.legs.arms_B[k], self.legs.n_B[k], self.legs.length[k])
-        return Jacobians(self.J_lp[k], self.J_lb[k], self.J_pl[k], self.J_pb[k], lines)
 
     @property
     def J_pc(self) -> Array:
@@ -190,33 +138,31 @@ def platform_joints_B(geometry: Geometry, R: Array) -> Array:
 
 def platform_jacobian(geometry: Geometry, translation_B: Array, R: Array) -> Array:
     """J_lp, eq (6): rows ``[n_i, (R r_pi) x n_i]``; (..., 6, 6), in axes of B."""
-    legs = find_leg_lines(geometry, translation_B, R)
-    return leg_rows(legs.arms_B, legs.n_B)
+    vectors_B = leg_vectors(geometry, translation_B, R)
+    return leg_rows(platform_joints_B(geometry, R), vectors_B / lengths(vectors_B)[..., None])
 
 
-def jacobians(geometry: Geometry, translation_B: Array, R: Array, legs: LegLines | None = None) -> Jacobians:
+def jacobians(geometry: Geometry, translation_B: Array, R: Array) -> Jacobians:
     """All Jacobians at a pose, or at many.
 
     Parameters
     ----------
     translation_B: (..., 3), m.
     R: (..., 3, 3).
-    legs: where the legs are there, if that is known.
 
     Raises
     ------
     SingularPoseError: J_lp is singular, or nearly so, at one of the poses.
     """
-    if legs is None:
-        legs = find_leg_lines(geometry, translation_B, R)
-    J_lp, J_lb = leg_rows(legs.arms_B, legs.n_B), leg_rows(geometry.base_joints_B, legs.n_B)
+    J_lp = platform_jacobian(geometry, translation_B, R)
+    J_lb = leg_rows(geometry.base_joints_B, J_lp[..., :3])
     try:
         J_pl = np.asarray(np.linalg.inv(J_lp), dtype=np.float64)
     except np.linalg.LinAlgError:
         J_pl = np.full_like(J_lp, np.inf)
     if not _is_surely_regular(geometry, J_lp, J_pl):
         _refuse_singular_poses(geometry, J_lp)
-    return Jacobians(J_lp=J_lp, J_lb=J_lb, J_pl=J_pl, J_pb=J_pl @ J_lb, legs=legs)
+    return Jacobians(J_lp=J_lp, J_lb=J_lb, J_pl=J_pl, J_pb=J_pl @ J_lb)
 
 
 def _is_surely_regular(geometry: Geometry, J_lp: Array, J_pl: Array) -> bool:
@@ -309,8 +255,6 @@ class ForwardPose:
     """(..., 3, 3), P to B."""
     residuals: tuple[float, ...]
     """Largest length error before each Newton step, and at the end, m."""
-    legs: LegLines
-    """Where the legs are."""
 
     @property
     def orientation(self) -> Array:
@@ -359,8 +303,7 @@ def forward_kinematics(
     converged = np.zeros(batch, dtype=bool)
     inverse: Array | None = None
     for _ in range(max_steps + 1):
-        legs = find_leg_lines(geometry, translation_B, R)
-        error = lengths - legs.length
+        error = lengths - leg_lengths(geometry, translation_B, R)
         largest = np.abs(error).max(axis=-1)
         residuals.append(float(largest.max(initial=0.0)))
         # One step after the tolerance is met takes what is left of the error down to rounding.
@@ -372,7 +315,7 @@ def forward_kinematics(
         near = largest <= _NEAR
         if inverse is None or not near.all():
             try:
-                present = np.asarray(np.linalg.inv(leg_rows(legs.arms_B, legs.n_B)), dtype=np.float64)
+                present = np.asarray(np.linalg.inv(platform_jacobian(geometry, translation_B, R)), dtype=np.float64)
             except np.linalg.LinAlgError:
                 break
             inverse = present if inverse is None else np.asarray(np.where(near[..., None, None], inverse, present))
@@ -386,4 +329,4 @@ def forward_kinematics(
             "together, or start nearer to the pose",
             residuals[-1],
         )
-    return ForwardPose(np.asarray(translation_B), np.asarray(R), tuple(residuals), legs)
+    return ForwardPose(np.asarray(translation_B), np.asarray(R), tuple(residuals))

@@ -27,7 +27,7 @@ import numpy as np
 
 from .compiled import N_MOVING_INPUTS, Mechanism, Place
 from .discretisation import make_held_step_map, zero_order_hold
-from .dynamics import Dynamics, FlexibleSystem, Pose
+from .dynamics import Dynamics, Pose
 from .kinematics import Jacobians, KinematicsError, forward_kinematics, jacobians
 from .parameters import Bus, CoarseServo, Manipulator, Optics, Parameters, Payload
 from .quantities import Array, ParameterError, group
@@ -102,12 +102,7 @@ class Plant:
     @property
     def n_states(self) -> int:
         """Size of the state of its models."""
-        return count_states(self.system.n)
-
-    @property
-    def n_coordinates(self) -> int:
-        """Number of coordinates ``q``."""
-        return self.system.n
+        return count_states(self.mechanism.n)
 
     @property
     def most_coordinates(self) -> int:
@@ -132,8 +127,7 @@ class Plant:
             raise ParameterError(
                 "coarse_stroke", f"too large: no usable pose with the coarse legs at ({at}) mm from nominal; {error}"
             ) from error
-        d, n, size = self.system.at(pose, J), self.system.n, self.n_states
-        self.mechanism.damp_rods(d.M)
+        d, n, size = Dynamics.of(self.mechanism, pose, J), self.mechanism.n, self.n_states
         x, (s, _, r) = np.zeros(size), servo_slices(n)
         x[s] = x[r] = coarse
         t, R = pose.translation_B, pose.rotation_BP
@@ -148,7 +142,7 @@ class Plant:
         """Where the platform is, with its roll, pitch and yaw."""
         geometry = self.manipulator.geometry
         found = forward_kinematics(geometry, geometry.nominal_lengths + np.append(coarse, np.zeros(3)))
-        J, rpy = jacobians(geometry, found.translation_B, found.R, found.legs), roll_pitch_yaw(found.R)
+        J, rpy = jacobians(geometry, found.translation_B, found.R), roll_pitch_yaw(found.R)
         orientation_rate_map(rpy)  # it refuses what has no angles
         return Pose(found.translation_B, found.R), J, rpy
 
@@ -156,11 +150,6 @@ class Plant:
     def mechanism(self) -> Mechanism:
         """Its bodies, servos and optics in any motion; the damping of the rods is that of the last pose."""
         return Mechanism(self.manipulator, self.payload, self.bus, self.servo, self.optics)
-
-    @cached_property
-    def system(self) -> FlexibleSystem:
-        """Its bodies and modes."""
-        return FlexibleSystem(self.manipulator, self.payload, self.bus)
 
     def within_stroke(self, command: Array) -> Array:
         """The command (3,), m, with each leg kept within its stroke."""

@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from .dynamics import FlexibleSystem, Pose
+from .dynamics import Dynamics, Pose
 from .inverse_kinematics import inverse_kinematics
 from .kinematics import jacobians
+from .linear_model import Plant
 from .quantities import Array
 from .rotations import angular_velocity_map, rotation_from_vector, rotation_matrix, rotation_vector
 
@@ -22,7 +23,7 @@ _PARTS = 8
 _GAUSS = 0.5 - np.sqrt(3.0) / 6.0, 0.5 + np.sqrt(3.0) / 6.0
 
 
-def find_reaction(system: FlexibleSystem, target: Array, *, held: bool) -> Array:
+def find_reaction(plant: Plant, target: Array, *, held: bool) -> Array:
     """Rotation of the base by a slew from roll, pitch, yaw of zero to ``target`` (3,), rad.
 
     The angles go there along a straight line, as the commander's profile from rest does; how fast makes no difference.
@@ -44,17 +45,17 @@ def find_reaction(system: FlexibleSystem, target: Array, *, held: bool) -> Array
     target = np.asarray(target, dtype=float)
     turned = np.eye(3)
     for part in range(_PARTS):
-        rates = [_find_turn(system, (part + node) / _PARTS * target, target, held) for node in _GAUSS]
+        rates = [_find_turn(plant, (part + node) / _PARTS * target, target, held) for node in _GAUSS]
         turned = turned @ rotation_from_vector(0.5 * (rates[0] + rates[1]) / _PARTS)
     return rotation_vector(turned)
 
 
-def _find_turn(system: FlexibleSystem, orientation: Array, rate: Array, held: bool) -> Array:
+def _find_turn(plant: Plant, orientation: Array, rate: Array, held: bool) -> Array:
     """(3,) angular velocity of the base, rad/s, axes of B, for ``rate`` (3,), rad/s, of roll, pitch and yaw."""
-    geometry, R = system.manipulator.geometry, rotation_matrix(orientation)
+    geometry, R = plant.manipulator.geometry, rotation_matrix(orientation)
     pose = Pose(inverse_kinematics(geometry, orientation).translation_B, R)
     J = jacobians(geometry, pose.translation_B, R)
-    d = system.at(pose, J)
+    d = Dynamics.of(plant.mechanism, pose, J)
     q_b, d_f = d.slices["q_b"], d.slices["d_f"]
     of_base, of_fine = d.M[q_b, q_b], d.M[q_b, d_f]
     relative = d.m_c[q_b] @ np.linalg.solve(J.J_theta_c, angular_velocity_map(orientation) @ rate)

@@ -157,16 +157,6 @@ def rotation_from_vector(vector: Array) -> Array:
     return np.asarray(R)
 
 
-def turn_vector(integral: Array, before: Array, after: Array, lasted: float) -> Array:
-    """(3,) rotation vector, rad, of a turn in ``lasted`` s, from the integral (rad) of the body's angular velocity.
-
-    ``before``, ``after`` (3,): that angular velocity at both ends, rad/s, in the body's own axes.  If its direction
-    changes, the small turns do not commute (coning); here it changes evenly.  Source: J. Bortz, IEEE Trans. Aerosp.
-    Electron. Syst. 7(1), 1971.
-    """
-    return np.asarray(integral + lasted**2 / 12.0 * cross(before, after))
-
-
 def rotation_vector(R: Array) -> Array:
     """Rotation vector, rad, of turns below 90 deg: inverse of :func:`rotation_from_vector`; (..., 3, 3) to (..., 3)."""
     numbers = R.reshape(*R.shape[:-2], 9)
@@ -195,10 +185,6 @@ def _refuse_gimbal_lock(cos_pitch: Array) -> None:
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 IDENTITY.setflags(write=False)
 
-# Columns of the products with (0, e_k): which part of a quaternion, and its sign.
-_TURNED = np.array([[1, 2, 3], [0, 3, 2], [3, 0, 1], [2, 1, 0]])
-_SIGNS = np.array([[-1.0, -1.0, -1.0], [1.0, -1.0, 1.0], [1.0, 1.0, -1.0], [-1.0, 1.0, 1.0]])
-
 
 def multiply(p: Array, q: Array) -> Array:
     """Product of quaternions, (..., 4) each: first the turn ``q``, then ``p``, both in axes outside."""
@@ -224,11 +210,6 @@ def from_rotation_matrix(R: Array) -> Array:
     """The quaternion of a rotation matrix, (..., 3, 3) to (..., 4), with a scalar that is not negative."""
     found = np.array([_find_quaternion(matrix) for matrix in R.reshape(-1, 3, 3).tolist()])
     return found.reshape(*R.shape[:-2], 4)
-
-
-def small_turns(q: Array) -> Array:
-    """(..., 4, 3): how ``q`` (..., 4) changes by a small turn (rad) in the body's own axes, ``q (0, e_k) / 2``."""
-    return np.asarray((0.5 * q).take(_TURNED, -1) * _SIGNS)
 
 
 def _find_quaternion(R: list[list[float]]) -> list[float]:

@@ -52,8 +52,8 @@ class _Model(Structure):
     _fields_ = (
         ("centre", Centre), *((name, c_int64) for name in ("parts", "stage", "column")), ("place", Place),
         *_numbers(mass=1, inverse_inertia=9),
-        *((name, c_void_p) for name in ("A", "motion", "change", "rest", "outputs")), ("rooms", Room * 4),
-        *((name, MapWords) for name in ("to_state", "to_change", "to_rest", "to_outputs")),
+        *((name, c_void_p) for name in ("A", "motion", "change", "rest", "outputs")), ("rooms", Room * 2),
+        *((name, MapWords) for name in ("to_rest", "to_outputs")),
     )  # fmt: skip
 
 
@@ -134,18 +134,16 @@ class PlantStep:
         unit = self._make_room(stride * n)
         unit.reshape(n, stride)[np.arange(n), np.arange(n)] = 1.0
         p.unit, p.work.room = find_address(unit), find_address(self._make_room(library.discretise_room(n)))
-        sizes = max(2 * n, given), max(stride, _pad(N_OUTPUTS))
-        p.operand, p.result = (find_address(self._make_room(size)) for size in sizes)
-        matrices = (
-            ("motion", n, 2 * n), ("change", 3 + mechanism.n, n), ("rest", n, given), ("outputs", N_OUTPUTS, given)
-        )  # fmt: skip
+        p.operand = find_address(self._make_room(max(2 * n, given)))
+        p.result = find_address(self._make_room(max(stride, _pad(N_OUTPUTS))))
+        sizes = ("A", stride * given), ("motion", stride * 2 * n), ("change", _pad(3 + mechanism.n) * n)
+        maps = ("rest", stride), ("outputs", _pad(N_OUTPUTS))
         for model in p.models:
-            model.A = find_address(self._make_room(stride * given))
-            for k, (name, rows, columns) in enumerate(matrices):
-                setattr(model, name, find_address(self._make_room(_pad(rows) * columns)))
-                room = Room(columns, _pad(rows) // LANES)
-                model.rooms[k] = room
-                self.kept.append(room.arrays)
+            for name, size in (*sizes, *((name, rows * given) for name, rows in maps)):
+                setattr(model, name, find_address(self._make_room(size)))
+            rooms = [Room(given, rows // LANES) for _, rows in maps]
+            model.rooms[:] = rooms
+            self.kept += [room.arrays for room in rooms]
 
     def begin(self, core: Structure) -> None:
         """Places, memory and outputs of the state in the buffer of a core.

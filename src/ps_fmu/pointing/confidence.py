@@ -327,10 +327,10 @@ def effective_samples(values: ArrayLike) -> float:
     return float(np.clip(len(series) / find_correlation(series)[0], 1.0, len(series)))
 
 
-def weigh_record(values: ArrayLike, sizes: ArrayLike, deviations: float = 1.0) -> Worth:
+def weigh_record(values: ArrayLike, sizes: ArrayLike) -> Worth:
     """Return a cautious number of independent samples for the mean of a correlated record ``values`` (n,).
 
-    The correlation time is that of :func:`effective_samples` plus ``deviations`` of its standard deviations.  If a fast
+    The correlation time is that of :func:`effective_samples` plus its standard deviation.  If a fast
     part hides a slow part, sums of correlations end before the slow part counts.  So the record is averaged over 64,
     128, ... 2048 batches, too.  If the means of batches vary more than this correlation time allows, the correlation
     time of the means gives the number.
@@ -345,7 +345,7 @@ def weigh_record(values: ArrayLike, sizes: ArrayLike, deviations: float = 1.0) -
     if not variance > 1e-24 * float(np.abs(series).max()) ** 2:  # constant to rounding
         return Worth(1.0, 1.0)
     tau, doubt = find_correlation(series)
-    first = error = tau * (1.0 + deviations * doubt) / n  # variance of the mean over that of a value
+    first = error = tau * (1.0 + doubt) / n  # variance of the mean over that of a value
     slowest, clipped = float(n), None
     batches = LEAST_BATCHES
     while batches <= min(n // 2, MOST_BATCHES):
@@ -376,7 +376,7 @@ def weigh_share(sizes: ArrayLike, probability: float) -> Worth:
     place = find_rank(len(series), min(probability, SEEN_AT)) - 1
     level = np.partition(series, place)[place]
     inside = series <= level
-    return weigh_record(series < level if inside.all() else inside, series, 0.5)
+    return weigh_record(series < level if inside.all() else inside, series)
 
 
 def _average(series: Array, batches: int) -> Array:

@@ -34,7 +34,8 @@ WATCHED = (
     *ROTATION,
 )
 LEAST_GAIN_DB = 6.0  # of a margin
-_NO_ANSWER = LinearModelError, ParameterError, UsageError, KeyError, np.linalg.LinAlgError
+_UNUSABLE = ParameterError, UsageError, KeyError, np.linalg.LinAlgError
+_NO_ANSWER = LinearModelError, *_UNUSABLE
 ISOLATED, POINTED = "isolator.enabled", "pointing.enabled"
 
 
@@ -141,7 +142,7 @@ def explain_divergence(
         return None
     causes = [
         "the motion grows without limit" if growth is None else f"the motion grows without limit: {growth}",
-        loop or "no loop of the linear model is unstable, so look for a limit, a fault or too long a step",
+        loop or _explain_stable(system, options, values),
     ]
     return Divergence(f"{case}: {'. '.join(cause[:1].upper() + cause[1:] for cause in causes)}.\nIt ended by: {error}")
 
@@ -155,14 +156,26 @@ def describe_loop(system: RunSystem, options: RunOptions, values: Mapping[str, V
     return ""
 
 
+def _explain_stable(system: RunSystem, options: RunOptions, values: Mapping[str, Value]) -> str:
+    """Where else to look, if the linear model has no unstable loop, or does not include the system."""
+    try:
+        find_circuit(system, options, values)
+    except LinearModelError as error:
+        return f"the poles of the loop are unknown: {error}. Look for an unstable controller first"
+    return "no loop of the linear model is unstable, so look for a limit, a fault or too long a step"
+
+
 def find_circuit(system: RunSystem, options: RunOptions, values: Mapping[str, Value]) -> Circuit | None:
-    """The linear model of a case, kept by ``system``; None: its isolator is off, or there is no closed form of it."""
+    """The linear model of a case, kept by ``system``; None: its isolator is off, or a value cannot be used.
+
+    Raises LinearModelError: it does not include an FMU of the system, such as a controller of one's own.
+    """
     on = {name: bool(values.get(name, _get_start(system, name))) for name in (ISOLATED, POINTED)}
     if not on[ISOLATED]:  # then nothing is closed, or a line-of-sight loop alone, of which there is no closed form
         return None
     key = options.step_s, *sorted(values.items())
     if key not in system.circuits:
-        with suppress(*_NO_ANSWER):
+        with suppress(*_UNUSABLE):
             model = read_model(system.structure.with_parameters(values), options.step_s)
             system.circuits[key] = Circuit(model if on[POINTED] else model.without_pointing(), active=True)
     return system.circuits.get(key)
@@ -175,15 +188,19 @@ class LoopState:
     unstable: Complex
     """Poles in the right half-plane, rad/s, the one farthest to the right first."""
     reserve: Reserve | None
-    """Of the isolator; None: unstable, or see :attr:`.Circuit.reserve`."""
+    """None: unstable, or unknown."""
+    unknown: str = ""
+    """Why the poles are unknown; empty: they are known."""
 
     @property
     def text(self) -> str:
         """One sentence."""
+        if self.unknown:
+            return f"poles and margins of the loop are unknown: {self.unknown}."
         if len(self.unstable):
             return f"the linear model is UNSTABLE: {describe_unstable(self.unstable)}."
         if self.reserve is None:
-            return "the linear model is stable; ps-fmu analyse stability finds its least damped poles and margins."
+            return "the linear model is stable."
         small = f" Less than {LEAST_GAIN_DB:g} dB is little." if abs(self.reserve.gain_db) < LEAST_GAIN_DB else ""
         return f"the linear model is stable: {self.reserve}.{small}"
 
@@ -191,26 +208,32 @@ class LoopState:
         """The entry of summary.json."""
         near = self.reserve
         return {
-            "stable": not len(self.unstable),
+            "stable": None if self.unknown else not len(self.unstable),
             "unstable_poles_rad_s": [[pole.real, pole.imag] for pole in self.unstable],
-            "least_damped_pole_rad_s": None if near is None else [near.pole.real, near.pole.imag],
+            "least_damped_pole_rad_s": None if near is None or near.pole is None else [near.pole.real, near.pole.imag],
             "frequency_hz": None if near is None else near.frequency_hz,
             "damping_ratio": None if near is None else near.damping_ratio,
             "gain_margin_db": None if near is None else min(abs(near.gain_db), MOST_GAIN_DB),
+            "unknown": self.unknown,
+            "gain_margins_db": {} if near is None else {name: gain for name, (gain, _) in near.gains.items()},
         }
 
 
 def judge_loops(
     system: RunSystem, options: RunOptions, cases: Mapping[str, Mapping[str, Value]], thorough: bool = False
 ) -> dict[str, LoopState]:
-    """The state of the loops of each case that has a linear model with a closed loop, by its name.
+    """The state of the loops of each case with a closed loop, by its name.
 
     ``cases``: what each sets, by ``component.variable``.  ``thorough``: also where that takes 0.2 s, unless it is known
     already: where a line-of-sight loop is closed, or the isolator's delay is long.
     """
     found = {}
     for name, values in cases.items():
-        circuit = None if options.is_plain else find_circuit(system, options, values)
+        try:
+            circuit = None if options.is_plain else find_circuit(system, options, values)
+        except LinearModelError as error:
+            found[name] = LoopState(np.zeros(0, dtype=complex), None, str(error))
+            continue
         if circuit is None:
             continue
         costly = (circuit.closed or circuit.has_long_delay) and "unstable" not in vars(circuit)

@@ -15,6 +15,7 @@ from ..requirements.requirement import Requirement, RequirementError, find_targe
 from ..requirements.verdict import Verdict, judge, no_run
 from .index_record import SIGNALS, WINDOW_S, is_alike, list_kinds
 from .options import OptionError, RunOptions
+from .scenario import ORIGINAL
 
 SLOW = AbsoluteError, MeanError, DriftError, ReproducibilityError  # indices of which a drift is a part
 LEAST_DRIFT = 0.7  # of a value: what is left is hardly anything else
@@ -118,6 +119,8 @@ def read_judge(options: RunOptions, columns: Sequence[Column], *, floats: bool =
         return RunJudge()
     try:
         requirements, cases = read_requirements(options.requirements), options.scenario.find_cases()
+        if options.replace and options.scenario.compares:
+            cases = (*cases, ORIGINAL)
         for requirement in requirements:
             find_targets(requirement, columns)
             requirement.check_times(options.step_s, options.duration_s)

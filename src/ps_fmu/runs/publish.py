@@ -55,6 +55,7 @@ class Findings:
     draw: Callable[[Path], Sequence[Picture]] = lambda _folder: ()  # draws what is no chart into a folder
     explore: Callable[[Path], Exploration] = lambda _path: Exploration()  # charts, their PNG files, motion
     refused: str = ""  # targets that are out of reach
+    systems: Mapping[str, RunSystem] = field(default_factory=dict)  # of cases that did not run on that of the run
 
     @property
     def real_time_factor(self) -> float:
@@ -143,9 +144,12 @@ def make_summary(options: RunOptions, system: RunSystem, findings: Findings) -> 
 
 
 def find_states(options: RunOptions, system: RunSystem, findings: Findings, thorough: bool = False) -> States:
-    """The stability of each case that has a linear model with a closed loop, by its name."""
-    cases = {outcome.case.name: outcome.case.values for outcome in findings.outcomes}
-    return judge_loops(system, options, cases, thorough)
+    """The stability of each case with a closed loop, by its name."""
+    found: dict[str, LoopState] = {}
+    for case in (outcome.case for outcome in findings.outcomes):
+        own = findings.systems.get(case.name, system)
+        found |= judge_loops(own, options, {case.name: case.values}, thorough)
+    return found
 
 
 def list_states(options: RunOptions, system: RunSystem, findings: Findings) -> list[str]:

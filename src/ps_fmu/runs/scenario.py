@@ -12,6 +12,10 @@ if TYPE_CHECKING:
     from fmpy.model_description import ModelVariable
 
 
+ORIGINAL = "original"
+"""The active case with the components of the system, where FMUs of the user replace them."""
+
+
 @dataclass(frozen=True)
 class Need:
     """A variable that a scenario sets or reads: a system whose component does not have it is refused."""
@@ -56,6 +60,7 @@ class Scenario:
     system: str = "SystemStructure.ssd"  # name of the product's system description
     cases: tuple[str, ...] = ()  # names of the runs of a study
     alone: bool = False  # single cases can be asked for
+    compares: bool = False  # where FMUs replace components, the case :data:`ORIGINAL` is run, too
     seed: int | None = 1  # of the disturbance; None: that of the system
     foreign: bool = False  # takes any system, of whatever maker, as SSP says; else one with plant and disturbance
 
@@ -84,6 +89,7 @@ SCENARIOS: Mapping[str, Scenario] = {
             "ps_fmu.scenarios.isolation",
             duration_s=20.0,
             alone=True,
+            compares=True,
             storage_step_s=1e-3,
         ),
         Scenario(

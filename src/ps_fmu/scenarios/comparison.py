@@ -16,6 +16,7 @@ from ..control.commander import Commander
 from ..cosim import UsageError, Value
 from ..cosim.description import index_variables
 from ..cosim.structure import parse_port
+from ..mechanism.inverse_kinematics import inverse_kinematics, reachable
 from ..mechanism.parameters import load
 from ..mechanism.quantities import take_values
 from ..mechanism.rotations import from_rotation_matrix, multiply, rotation_matrix
@@ -27,7 +28,7 @@ from ..runs.index_record import CONFIDENCE, IndexLog
 from ..runs.judge import USUAL_LEVEL, RunJudge
 from ..runs.options import RunOptions
 from ..runs.publish import Findings
-from ..runs.scenario import list_needs
+from ..runs.scenario import ORIGINAL, list_needs
 from ..runs.system import NOISE, RECORDING_PATH, RunSystem, has_disturbance
 from .jitter_record import JITTER_SIGNALS, JitterRecord
 from .jitter_record import NEEDS as RECORDED
@@ -41,8 +42,6 @@ ATTITUDE = tuple(f"tracker.target_attitude.{k}" for k in "wxyz")
 AXES = ("x", "y", "z")
 ENABLED, LOOP = "isolator.enabled", "pointing.enabled"
 CASES = ("passive", "active")
-ORIGINAL = "original"
-"""The active case with the components of the system, where FMUs of the user replace them."""
 DRIVEN = (*list_needs("input", *TARGET), *list_needs("input", ENABLED, type="Boolean"))
 """What the scenarios set."""
 NEEDS = (*DRIVEN, *RECORDED)
@@ -50,7 +49,8 @@ NEEDS = (*DRIVEN, *RECORDED)
 IN_CLOSED_FORM = tuple(
     list_needs(
         "parameter", "isolator.delay", "isolator.filters.highpass_frequency",
-        purpose="the closed form beside the run is that of FeedforwardIsolator; the scenario isolation has none",
+        purpose="the closed form beside the run is that of FeedforwardIsolator, and that of another isolator is not "
+        "known; the scenario isolation runs any isolator, under wheels, too",
     )
 )  # fmt: skip
 
@@ -183,12 +183,12 @@ def aim_tracker(system: RunSystem, target: Orientation) -> dict[str, Value]:
     """
     if not _has_port(system, ATTITUDE[0]) or not system.given.keys().isdisjoint(ATTITUDE):
         return {}
-    attitude = dict(zip(ATTITUDE, find_attitude(system, target), strict=True))
+    attitude: dict[str, Value] = dict(zip(ATTITUDE, find_attitude(system, target), strict=True))
     if all(system.get_start(name) == value for name, value in attitude.items()):
         return {}
     own = {name: entry.value for name, entry in system.structure.component("commander").parameters.items()}
-    refused = take_values(Commander.from_parameters(load()), own).refusal(np.array(target))
-    return {} if refused else attitude
+    geometry = take_values(Commander.from_parameters(load()), own).geometry
+    return attitude if bool(reachable(geometry, inverse_kinematics(geometry, np.array(target)))) else {}
 
 
 def find_attitude(system: RunSystem, target: Orientation) -> tuple[float, float, float, float]:

@@ -11,12 +11,12 @@ from ..cosim import CosimError
 from ..results.tables import Table, format_angles, format_tables
 from ..runs.publish import Findings
 from ..runs.run import Run
+from ..runs.scenario import ORIGINAL
 from .amplification import explain_worse
 from .comparison import (
     AXES,
     CASES,
     NEEDS,
-    ORIGINAL,
     Comparison,
     compare,
     describe_alone,
@@ -52,7 +52,7 @@ def find(run: Run) -> Findings:
     if worse := explain_worse(found, system, run.options):
         system.warnings.add(worse)
     tables = [make_jitter_table(found, system.judge)]
-    outcomes = list(found.outcomes)
+    outcomes, systems = list(found.outcomes), {}
     if (own := run.load_original(AROUND)) is not None:
         try:
             ((outcome, original),) = run_cases(own, run.options, target, only=(ORIGINAL,))
@@ -60,6 +60,7 @@ def find(run: Run) -> Findings:
             system.warnings.add(f"The case {ORIGINAL} is left out, since it failed: {error}")
         else:
             outcomes.append(outcome)
+            systems[ORIGINAL] = own
             tables.append(_tabulate_original(found, original, run))
     refused = "" if found.reachable else explain_refusal(found.target_deg)
     return Findings(
@@ -76,6 +77,7 @@ def find(run: Run) -> Findings:
         more=found.entry,
         explore=partial(explore_comparisons, {"": found}, system),
         refused=refused,
+        systems=systems,
     )
 
 

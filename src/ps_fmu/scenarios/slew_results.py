@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from ..interface.start_values import build_plant_and_isolator
 from ..mechanism.kinematics import KinematicsError
-from ..mechanism.reaction import find_reaction
 from ..mechanism.parameters import ParameterError
+from ..mechanism.reaction import find_reaction
 from ..mechanism.rotations import orientation_rate_map
 from ..requirements.verdict import Answer, count_answers, format_margin
 from ..results.page.content import VerdictRow
@@ -289,7 +289,7 @@ def find_reactions(system: RunSystem, slews: Slews) -> list[Reaction]:
     try:
         plant, _ = build_plant_and_isolator(system.structure)
         target = np.array(slews.target)
-        turns = [find_reaction(plant.system, target, held=held) for held in (False, True)]
+        turns = [find_reaction(plant, target, held=held) for held in (False, True)]
     except (KinematicsError, ParameterError):  # a path that the commander takes otherwise, or values that are no plant
         return []
     rates = orientation_rate_map(target)  # small rotations in B to roll, pitch, yaw

@@ -227,14 +227,13 @@ def find_common_margins(transfer: Callable[[Array], Complex], frequency: Array) 
     ``frequency`` (n,), Hz, ascending, dense around resonances.  They hold for a loop that is stable.
     """
     L = transfer(frequency)
-    real = [(f, abs(value)) for f, value in find_crossings(transfer, frequency, L, lambda one: np.angle(-one), np.pi)]
-    gain_hz, gain = min(real, key=lambda each: abs(np.log(each[1])), default=(np.nan, np.nan))
+    gain_hz, gain = _find_gain(transfer, frequency, L)
     unit = _find_unit(transfer, frequency, L)
     phase_hz, phase = min(unit, key=lambda each: abs(each[1]), default=(np.nan, np.inf))
     delay_hz, delay = _find_delay(unit)
     disk, disk_hz = _find_disk(transfer, frequency, L)
     return CommonMargins(
-        gain_db=np.inf if np.isnan(gain) else float(abs(20.0 * np.log10(gain))),
+        gain_db=abs(_in_db(gain)),
         gain_hz=gain_hz,
         lowers=bool(gain > 1.0),
         phase_deg=float(np.degrees(abs(phase))),
@@ -244,6 +243,26 @@ def find_common_margins(transfer: Callable[[Array], Complex], frequency: Array) 
         disk=disk,
         disk_hz=disk_hz,
     )
+
+
+def find_gain_margin(transfer: Callable[[Array], Complex], frequency: Array) -> tuple[float, float]:
+    """Change of the gain common to all axes to the edge, dB, and its frequency, Hz; as :func:`find_common_margins`.
+
+    Negative: a lower gain makes the loop unstable; inf and nan: no gain does.
+    """
+    at_hz, gain = _find_gain(transfer, frequency, transfer(frequency))
+    return _in_db(gain), at_hz
+
+
+def _find_gain(transfer: Callable[[Array], Complex], frequency: Array, L: Complex) -> tuple[float, float]:
+    """Frequency, Hz, and magnitude where an eigenvalue passes -180 deg, nearest to one; nan: nowhere."""
+    real = [(f, abs(value)) for f, value in find_crossings(transfer, frequency, L, lambda one: np.angle(-one), np.pi)]
+    return min(real, key=lambda each: abs(np.log(each[1])), default=(np.nan, np.nan))
+
+
+def _in_db(gain: float) -> float:
+    """Change of a gain, dB, that makes its magnitude one; inf for nan."""
+    return np.inf if np.isnan(gain) else float(-20.0 * np.log10(gain))
 
 
 def find_delay_margin(transfer: Callable[[Array], Complex], frequency: Array) -> float:

@@ -10,9 +10,9 @@ import numpy as np
 from ..analyses.result import AnalysisResult, tabulate
 from ..analyses.system import load_own_systems
 from ..analyses.table import AnalysisOptions
-from ..interface.linear_system import Circuit
+from ..interface.linear_system import LOOPS, Circuit
 from ..interface.system_model import ISOLATOR, read_model
-from ..mechanism.quantities import Array, Complex
+from ..mechanism.quantities import Complex
 from ..results.tables import Table
 from ..theory.line_of_sight import AXES, AxisMargins, cut_axis, margins_of
 from ..theory.stability import (
@@ -23,13 +23,11 @@ from ..theory.stability import (
     find_poles,
     sort_poles,
 )
-from ..theory.transfer_matrices import place_frequencies
 
 CASES = {"passive": False, "active": True}
 LEGS = ("leg 1", "leg 2", "leg 3")
 SHOWN = 8  # poles of a case
 AT_REST = 1e-3  # rad/s: poles below are those of the free bus and of slow filters
-LOWEST = 1e-4  # Hz, of margins
 
 HOW = (
     "Closed form of what the FMUs step, at the commander's target: a loop is stable if none of its poles is in the "
@@ -102,16 +100,10 @@ def judge(case: str, circuit: Circuit) -> CaseStability:
 def find_margins(circuit: Circuit, fmu: str) -> LoopMargins:
     """Margins of the loop that an FMU closes, the other closed."""
     # Between frequencies around a light pole curves are interpolated: a third of these points moves a margin by 0.4 dB.
-    frequency = place_frequencies(circuit.open_poles, LOWEST, 0.5 / circuit.model.step, 400, 20)
-
-    def transfer(f: Array) -> Complex:
-        """Critical point -1."""
-        return np.asarray(-circuit.cut_loop(fmu, np.asarray(2j * np.pi * f)))
-
+    transfer, frequency = circuit.open_loop(fmu, 400, 20)
     L, names = transfer(frequency), LEGS if fmu == ISOLATOR else AXES
     axes = [margins_of(frequency, cut_axis(L, k), name) for k, name in enumerate(names)]
-    name = "isolator" if fmu == ISOLATOR else "line of sight"
-    return LoopMargins(name, axes, find_common_margins(transfer, frequency))
+    return LoopMargins(LOOPS[fmu], axes, find_common_margins(transfer, frequency))
 
 
 def say_verdict(found: CaseStability) -> str:

@@ -1,21 +1,25 @@
-/* Steps of the feedforward isolator around the map of its filters; feedforward.py has the equations. */
+/* The step of the feedforward isolator; feedforward.py has the equations. */
+#include "axes.h"
 #include "mechanism.h"
 #include "vectors.h"
+
+enum { HIGHPASS = 2 /* states */, ORDER = MOST_STATES - HIGHPASS };
 
 /* Constants, places in the buffer, and the gains of the orientation mechanism.key. */
 typedef struct {
     Mechanism mechanism;
+    AxisFilter filter;         /* high-passed rotation of the base and its rate; the low-pass of the forces by its acceleration */
+    double lowpass[ORDER];     /* force of each axis by its states */
     int64_t orientation, kept; /* see find_kept_motion */
     int64_t acceleration;      /* of the base, 6 */
-    int64_t driven;            /* forces by it, which the map filters, 3 */
-    int64_t filtered;          /* high-passed rotation of the base and its rate, 6 */
-    int64_t forces, enabled;
+    int64_t states, enabled;
+    int64_t forces;            /* behind them, whether one is at its limit */
     double acceleration_gain[3][6];
     Matrix stiffness_gain, damping_gain; /* (54), (53), of rotations of the base: those of translations are 0 */
 } Isolator;
 
-/* Before the map: the gains of the orientation, and what drives the low-pass. */
-EXPORT int64_t control_drive_isolator(void *arguments, Core *core)
+/* The filters run whether the isolator is enabled or not. */
+EXPORT int64_t control_isolate(void *arguments, Core *core)
 {
     Isolator *c = arguments;
     Mechanism *m = &c->mechanism;
@@ -32,20 +36,21 @@ EXPORT int64_t control_drive_isolator(void *arguments, Core *core)
                 c->damping_gain[i][k] = -m->damping[i] * motion.elongation[i][k];
             }
     }
-    const double *a = core->data + c->acceleration;
-    double *driven = core->data + c->driven;
-    for (int i = 0; i < 3; i++)
-        driven[i] = dot(c->acceleration_gain[i], a) + dot(c->acceleration_gain[i] + 3, a + 3);
-    return CALL_DONE;
-}
-
-/* After the map: add what the high-passed motion of the base demands; no force where the isolator is disabled. */
-EXPORT int64_t control_add_isolator(void *arguments, Core *core)
-{
-    const Isolator *c = arguments;
-    const double *position = core->data + c->filtered, *rate = position + 3, enabled = core->data[c->enabled];
-    double *force = core->data + c->forces;
-    for (int i = 0; i < 3; i++)
-        force[i] = enabled == 0.0 ? 0.0 : force[i] + (dot(c->stiffness_gain[i], position) + dot(c->damping_gain[i], rate));
+    const double *a = core->data + c->acceleration, enabled = core->data[c->enabled];
+    double *x = core->data + c->states, *force = core->data + c->forces, u[INPUTS][AXES];
+    for (int i = 0; i < 3; i++) {
+        u[0][i] = a[3 + i];
+        u[1][i] = dot(c->acceleration_gain[i], a) + dot(c->acceleration_gain[i] + 3, a + 3);
+    }
+    if (!step_axes(&c->filter, core, x, u))
+        return CALL_REFUSED;
+    const double *position = x, *rate = x + AXES, *low = x + AXES * HIGHPASS;
+    for (int i = 0; i < 3; i++) {
+        double sum = dot(c->stiffness_gain[i], position) + dot(c->damping_gain[i], rate);
+        for (int j = 0; j < ORDER; j++)
+            sum += c->lowpass[j] * low[AXES * j + i];
+        force[i] = enabled == 0.0 ? 0.0 : sum;
+    }
+    force[3] = 0.0;
     return CALL_DONE;
 }

@@ -1,6 +1,7 @@
-/* Steps of the pointing controller around the map of its filter; pointing.py has the equations. */
+/* The step of the pointing controller; pointing.py has the equations. */
 #include <math.h>
 
+#include "axes.h"
 #include "mechanism.h"
 #include "vectors.h"
 
@@ -12,76 +13,87 @@ typedef struct {
 /* Constants, places in the buffer, and the gains of the orientation mechanism.key. */
 typedef struct {
     Mechanism mechanism;
+    AxisFilter filter;         /* of what is integrated, and of an integral that is held beside it */
+    double acceleration[4];    /* w'' of an axis by its states */
+    double limit;              /* N; infinite: none */
     int64_t orientation, kept; /* see find_kept_motion */
     int64_t error;             /* rad, P */
-    int64_t driving;           /* what is integrated, 3, and behind it the integral that is held without lock, 3 */
-    int64_t filter, forces;
+    int64_t states;
     int64_t unlimited;         /* forces before their limit, 3 */
     int64_t locked, enabled;
-    double limit;              /* N; infinite: none */
-    double proportional, integral, stiffness, damping; /* w'' = proportional i + integral j - stiffness w - damping w' */
+    int64_t forces;            /* behind them, whether one is at its limit */
     Matrix elongation, rotation, mass; /* of the fine legs by rotation in P; its inverse; (28) */
 } Pointing;
 
-/* Before the map: the gains of the orientation; the error and what goes back to the integrals of the force that the limit
-   cut off.  Without lock, the first integral is held beside the map, so that neither integral changes. */
-EXPORT int64_t control_drive_pointing(void *arguments, Core *core)
+static int renew_gains(Pointing *c, Core *core)
 {
-    Pointing *c = arguments;
-    Mechanism *m = &c->mechanism;
     Pose pose;
     Motion motion;
-    const int found = find_kept_motion(m, core, c->orientation, c->kept, &pose, &motion);
-    if (found == UNREACHABLE)
-        return CALL_REFUSED;
+    const int found = find_kept_motion(&c->mechanism, core, c->orientation, c->kept, &pose, &motion);
     if (found == RENEWED) {
-        find_mass(m, &pose, &motion, c->mass);
+        find_mass(&c->mechanism, &pose, &motion, c->mass);
         multiply(motion.elongation, pose.R, c->elongation);
         for (int i = 0; i < 3; i++)
             for (int k = 0; k < 3; k++)
                 c->rotation[i][k] = pose.R[0][i] * motion.theta[0][k] + pose.R[1][i] * motion.theta[1][k] +
                                     pose.R[2][i] * motion.theta[2][k];
     }
-    const double *error = core->data + c->error, *unlimited = core->data + c->unlimited;
-    double *driving = core->data + c->driving, *held = driving + 3;
-    Filter *x = (Filter *)(core->data + c->filter);
-    Vector cut;
-    for (int k = 0; k < 3; k++) {
-        const double force = unlimited[k], most = c->limit;
-        cut[k] = (force > most ? force - most : force < -most ? force + most : 0.0) / m->stiffness[k];
-    }
-    const int locked = core->data[c->locked] != 0.0;
-    for (int k = 0; k < 3; k++) {
-        driving[k] = locked ? error[k] - dot(c->rotation[k], cut) : 0.0;
-        held[k] = locked ? 0.0 : x->integral[k];
-        x->integral[k] = locked ? x->integral[k] : 0.0;
-    }
-    return CALL_DONE;
+    return found != UNREACHABLE;
 }
 
-/* After the map: forces from the command through the notch; all is 0 where the controller is disabled. */
-EXPORT int64_t control_add_pointing(void *arguments, Core *core)
+/* Forces by the command, through the notch. */
+static void find_forces(const Pointing *c, const Filter *x, double *force)
 {
-    const Pointing *c = arguments;
-    const int enabled = core->data[c->enabled] != 0.0;
-    double *force = core->data + c->forces, *unlimited = core->data + c->unlimited, *held = core->data + c->driving + 3;
-    Filter *x = (Filter *)(core->data + c->filter);
     Vector second, elongation[3];
-    for (int k = 0; k < 3; k++) {
-        x->integral[k] = enabled ? x->integral[k] + held[k] : 0.0;
-        x->second_integral[k] = enabled ? x->second_integral[k] : 0.0;
-        x->command[k] = enabled ? x->command[k] : 0.0;
-        x->rate[k] = enabled ? x->rate[k] : 0.0;
-        second[k] = c->proportional * x->integral[k] + c->integral * x->second_integral[k] -
-                    c->stiffness * x->command[k] - c->damping * x->rate[k];
-    }
+    for (int k = 0; k < 3; k++)
+        second[k] = c->acceleration[0] * x->integral[k] + c->acceleration[1] * x->second_integral[k] +
+                    c->acceleration[2] * x->command[k] + c->acceleration[3] * x->rate[k];
     for (int i = 0; i < 3; i++) {
         elongation[0][i] = dot(c->elongation[i], x->command);
         elongation[1][i] = dot(c->elongation[i], x->rate);
         elongation[2][i] = dot(c->elongation[i], second);
     }
     for (int i = 0; i < 3; i++)
-        force[i] = unlimited[i] = dot(c->mass[i], elongation[2]) + c->mechanism.damping[i] * elongation[1][i] +
-                                  c->mechanism.stiffness[i] * elongation[0][i];
+        force[i] = dot(c->mass[i], elongation[2]) + c->mechanism.damping[i] * elongation[1][i] +
+                   c->mechanism.stiffness[i] * elongation[0][i];
+}
+
+/* What the limit cut off in the last step goes back to the integrals.  Without lock, the first integral is held beside the
+   filter, so that neither integral changes.  Disabled, all is 0. */
+EXPORT int64_t control_point(void *arguments, Core *core)
+{
+    Pointing *c = arguments;
+    const double *error = core->data + c->error;
+    double *unlimited = core->data + c->unlimited, *force = core->data + c->forces, u[INPUTS][AXES] = {{0.0}};
+    Filter *x = (Filter *)(core->data + c->states);
+    Vector cut;
+    force[3] = 0.0;
+    if (!renew_gains(c, core))
+        return CALL_REFUSED;
+    if (core->data[c->enabled] == 0.0) {
+        *x = (Filter){{0.0}, {0.0}, {0.0}, {0.0}};
+        for (int k = 0; k < 3; k++)
+            force[k] = unlimited[k] = 0.0;
+        return CALL_DONE;
+    }
+    for (int k = 0; k < 3; k++) {
+        const double before = unlimited[k], most = c->limit;
+        cut[k] = (before > most ? before - most : before < -most ? before + most : 0.0) / c->mechanism.stiffness[k];
+    }
+    const int locked = core->data[c->locked] != 0.0;
+    for (int k = 0; k < 3; k++)
+        if (locked)
+            u[0][k] = error[k] - dot(c->rotation[k], cut);
+        else {
+            u[1][k] = x->integral[k];
+            x->integral[k] = 0.0;
+        }
+    if (!step_axes(&c->filter, core, x->integral, u))
+        return CALL_REFUSED;
+    for (int k = 0; k < 3; k++)
+        x->integral[k] += u[1][k];
+    find_forces(c, x, force);
+    for (int k = 0; k < 3; k++)
+        unlimited[k] = force[k];
     return CALL_DONE;
 }

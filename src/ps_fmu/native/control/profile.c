@@ -216,29 +216,35 @@ static inline double find_excess_at(const Search *search, double duration, doubl
     for (int n = 0; n < 3; n++) {
         brake *= search->per_brake;
         transfer *= per_duration;
-        const double x = phi[n][0] * brake, y = phi[n][1] * brake, z = phi[n][2] * brake, d = s[n] * transfer;
-        const double square = x * (G[0][0] * x + 2.0 * (G[0][1] * y + G[0][2] * z + G[0][3] * d)) +
-                              y * (G[1][1] * y + 2.0 * (G[1][2] * z + G[1][3] * d)) +
-                              z * (G[2][2] * z + 2.0 * G[2][3] * d) + d * d * G[3][3];
+        const double x = phi[n][0] * brake, y = phi[n][1] * brake, z = phi[n][2] * brake;
+        double square = x * (G[0][0] * x + 2.0 * (G[0][1] * y + G[0][2] * z)) + y * (G[1][1] * y + 2.0 * G[1][2] * z) +
+                        z * (G[2][2] * z);
+        if (search->transferring) {
+            const double d = s[n] * transfer;
+            square += d * (2.0 * (G[0][3] * x + G[1][3] * y + G[2][3] * z) + G[3][3] * d);
+        }
         const double ratio = square * search->per_allowed[n];
         largest = ratio > largest ? ratio : largest;
     }
     return largest;
 }
 
-/* The same of all samples, up to the first that is above `least`. */
+/* The same of all samples, from the worst one on to both sides, up to the first that is above `least`. */
 static double find_excess(Search *search, double duration, double least)
 {
-    const int n = search->transferring ? 2 * SAMPLES : SAMPLES;
+    const int n = search->transferring ? 2 * SAMPLES : SAMPLES, begin = search->worst;
     if (!search->transferring)
         set_brake(search, duration);
     const double per_duration = 1.0 / duration;
-    double largest = find_excess_at(search, duration, per_duration, search->worst);
-    for (int k = 0; k < n && largest <= least; k++) {
-        const double excess = find_excess_at(search, duration, per_duration, k);
+    double largest = find_excess_at(search, duration, per_duration, begin);
+    for (int k = 2; k < 2 * n && largest <= least; k++) {
+        const int sample = k % 2 == 0 ? begin + k / 2 : begin - k / 2;
+        if (sample < 0 || sample >= n)
+            continue;
+        const double excess = find_excess_at(search, duration, per_duration, sample);
         if (excess > largest) {
             largest = excess;
-            search->worst = k;
+            search->worst = sample;
         }
     }
     return largest;

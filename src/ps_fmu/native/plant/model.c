@@ -6,16 +6,16 @@
 #include <math.h>
 #include <string.h>
 
-enum { LANES = 8, COLUMNS_A_PART = 2, BUDGET = 12000 /* multiplications */ };
+enum { COLUMNS_A_PART = 2, BUDGET = 12000 /* multiplications */ };
 
 const double INNER_STEP = 2.5e-4;
 
 /* What is made, in this order. */
-enum { BEGIN, COLUMNS, MOTION, REST, MOTION_BLOCKS, CHANGE_BLOCKS, REST_BLOCKS, OUTPUT_BLOCKS, READY = MODEL_MADE };
+enum { BEGIN, COLUMNS, MOTION, REST, REST_BLOCKS, OUTPUT_BLOCKS, READY = MODEL_MADE };
 
-static int64_t pad(int64_t n)
+int64_t pad(int64_t n)
 {
-    return (n + LANES - 1) / LANES * LANES;
+    return (n + 7) / 8 * 8;
 }
 
 int64_t count_coordinates(const Plant *p)
@@ -64,10 +64,19 @@ bool find_place(const Plant *p, const double coarse[3], const double stretch[3],
            mechanism_find_place(p->mechanism, lengths, place->translation, place->rotation);
 }
 
+/* The forces that hold the fine legs at a centre.  Without them, derivatives by places would have springs that turn with
+   the legs, and actuators that do not: a force on the whole that is not there. */
+static double find_holding_force(const Plant *p, const Centre *c, int leg)
+{
+    return p->mechanism->leg_stiffness[3 + leg] * c->fine[leg];
+}
+
 bool evaluate_centre(Plant *p, const Model *model, const double *speeds, Point *point)
 {
     double x[MECHANISM_STATES], u[MECHANISM_INPUTS] = {0.0};
     find_state(p, &model->centre, x);
+    for (int k = 0; k < 3; k++)
+        u[MECHANISM_FINE_FORCE + k] = find_holding_force(p, &model->centre, k);
     if (speeds != NULL) {
         const int64_t n = count_coordinates(p);
         memcpy(x + n, speeds, sizeof *x * (size_t)n);
@@ -145,12 +154,19 @@ static void make_columns(Plant *p, Model *model)
     }
     if (model->column < all)
         return;
+    const int64_t coordinates = count_coordinates(p), rows = 3 + coordinates;
+    for (int64_t j = 0; j < n; j++) /* place and accelerations of the base, and all other accelerations, by minus the state */
+        for (int64_t i = 0; i < rows; i++)
+            model->change[pad(rows) * j + i] = -model->A[stride * j + (i < 3 ? 3 + i : coordinates + i - 3)];
     if (model->centre.rest != 0.0) { /* by the constant 1: what is not by the distance from the centre */
-        double x[MECHANISM_STATES], *by_one = model->A + stride * all, *of_one = model->outputs + pad(MECHANISM_OUTPUTS) * all;
+        double x[MECHANISM_STATES + MECHANISM_INPUTS] = {0.0}, *by_one = model->A + stride * all,
+               *of_one = model->outputs + pad(MECHANISM_OUTPUTS) * all;
         find_state(p, &model->centre, x);
+        for (int k = 0; k < 3; k++)
+            x[n + MECHANISM_FINE_FORCE + k] = find_holding_force(p, &model->centre, k);
         memcpy(by_one, p->centre.rates, sizeof *by_one * (size_t)n);
         memcpy(of_one, p->centre.outputs, sizeof p->centre.outputs);
-        for (int64_t j = 0; j < n; j++)
+        for (int64_t j = 0; j < all; j++)
             if (x[j] != 0.0) {
                 for (int64_t i = 0; i < n; i++)
                     by_one[i] -= model->A[stride * j + i] * x[j];
@@ -195,7 +211,7 @@ static void make_map(Plant *p, const double *matrix, int64_t columns, int64_t ro
 
 static int64_t model_work(Plant *p, Model *model)
 {
-    const int64_t n = count_states(p), coordinates = count_coordinates(p), stride = pad(n);
+    const int64_t n = count_states(p), stride = pad(n);
     const bool rest = model->centre.rest != 0.0;
     int64_t found = MODEL_ON;
     model->parts++;
@@ -210,32 +226,19 @@ static int64_t model_work(Plant *p, Model *model)
     case MOTION: {
         const double step = model->centre.step / (double)count_parts(model->centre.step, INNER_STEP);
         found = work_on(p, model, step, p->unit, n, model->rest, model->motion, model->motion + n * stride,
-                        rest ? REST : MOTION_BLOCKS);
+                        rest ? REST : READY);
         break;
     }
     case REST:
         found = work_on(p, model, model->centre.step, model->A + n * stride, MECHANISM_INPUTS + 1, model->rest,
-                        model->rest + n * stride, NULL, MOTION_BLOCKS);
+                        model->rest + n * stride, NULL, REST_BLOCKS);
         break;
-    case MOTION_BLOCKS:
-        make_map(p, model->motion, 2 * n, n, &model->rooms[0], &model->to_state);
-        model->stage = CHANGE_BLOCKS;
-        break;
-    case CHANGE_BLOCKS: { /* place and accelerations of the base, and all other accelerations, by minus the state */
-        const int64_t rows = 3 + coordinates;
-        for (int64_t j = 0; j < n; j++)
-            for (int64_t i = 0; i < rows; i++)
-                model->change[pad(rows) * j + i] = -model->A[stride * j + (i < 3 ? 3 + i : coordinates + i - 3)];
-        make_map(p, model->change, n, rows, &model->rooms[1], &model->to_change);
-        model->stage = rest ? REST_BLOCKS : READY;
-        break;
-    }
     case REST_BLOCKS:
-        make_map(p, model->rest, n + MECHANISM_INPUTS + 1, n, &model->rooms[2], &model->to_rest);
+        make_map(p, model->rest, n + MECHANISM_INPUTS + 1, n, &model->rooms[0], &model->to_rest);
         model->stage = OUTPUT_BLOCKS;
         break;
     default:
-        make_map(p, model->outputs, n + MECHANISM_INPUTS + 1, MECHANISM_OUTPUTS, &model->rooms[3], &model->to_outputs);
+        make_map(p, model->outputs, n + MECHANISM_INPUTS + 1, MECHANISM_OUTPUTS, &model->rooms[1], &model->to_outputs);
         model->stage = READY;
     }
     if (found == MODEL_ON && model->stage == READY)

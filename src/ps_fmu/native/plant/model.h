@@ -10,6 +10,9 @@ enum { MODEL_FAILED = -1, MODEL_ON, MODEL_READY };
 /* Of Model: `stage`. */
 enum { MODEL_MADE = 99 };
 
+/* Rows of a matrix by columns, with those that fill its vectors. */
+int64_t pad(int64_t n);
+
 /* Coordinates and states of the mechanism. */
 int64_t count_coordinates(const Plant *p);
 int64_t count_states(const Plant *p);

@@ -123,15 +123,26 @@ static void move_place(double t[3], double R[9], const double J_pl[36], const do
     turn_rotation(R, move + 3);
 }
 
+static void find_lengths(const Plant *p, const double t[3], const double R[9], double lengths[6])
+{
+    const double *arm = p->mechanism->rigid.platform_joint, *base = p->mechanism->rigid.base_joint;
+    for (int k = 0; k < 6; k++, arm += 3, base += 3) {
+        double square = 0.0;
+        for (int i = 0; i < 3; i++) {
+            const double along = t[i] + (R[3 * i] * arm[0] + R[3 * i + 1] * arm[1] + R[3 * i + 2] * arm[2]) - base[i];
+            square += along * along;
+        }
+        lengths[k] = sqrt(square);
+    }
+}
+
 /* By the change of the lengths, and one correction by what they lack then. */
 static void follow(const Plant *p, const double J_pl[36], const double change[6], const double lengths[6], double t[3],
                    double R[9])
 {
-    double present[6], J_lp[36], inverse[36], divisor, place[12];
+    double present[6];
     move_place(t, R, J_pl, change);
-    memcpy(place, t, 3 * sizeof *t);
-    memcpy(place + 3, R, 9 * sizeof *R);
-    equations_legs((const double *)&p->mechanism->rigid, place, present, J_lp, inverse, &divisor);
+    find_lengths(p, t, R, present);
     for (int k = 0; k < 6; k++)
         present[k] = lengths[k] - present[k];
     move_place(t, R, J_pl, present);
@@ -409,7 +420,7 @@ static bool move_on(Plant *p, Memory *w, double *x, double h, const double *inpu
     if (w->step_before > 0.0) {
         for (int64_t i = 0; i < n_x; i++)
             f[i] = x[i] - w->before[i];
-        if (!kernel_map(&model->to_change))
+        if (!kernel_product(model->change, pad(3 + n), f, n_x, p->result))
             return false;
         const double scale = h / w->step_before;
         for (int64_t i = 0; i < 3 + n; i++) {
@@ -438,7 +449,7 @@ static bool move_on(Plant *p, Memory *w, double *x, double h, const double *inpu
         f[n + TURN + k] += w->lead[6 + k] / h;
     }
     memset(w->lead, 0, sizeof w->lead);
-    if (!kernel_map(&model->to_state))
+    if (!kernel_product(model->motion, pad(n_x), p->operand, 2 * n_x, p->result))
         return false;
     for (int64_t i = 0; i < n_x; i++)
         x[i] += p->result[i];

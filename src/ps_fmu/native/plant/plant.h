@@ -57,9 +57,10 @@ typedef struct {
     Place place;
     double mass, inverse_inertia[9];               /* kg, 1/(kg.m2): about the centre of mass */
     double *A;                                     /* and B, by columns: (states, states + 28) */
-    double *motion, *change, *rest, *outputs;      /* matrices of the maps, by columns */
-    BlockRoom rooms[4];
-    Map to_state, to_change, to_rest, to_outputs;
+    double *motion, *change;                       /* by columns: of a step in motion; of what is left, by the state */
+    double *rest, *outputs;                        /* of the maps at rest */
+    BlockRoom rooms[2];
+    Map to_rest, to_outputs;
 } Model;
 
 /* Arguments of plant_step, all made by plant.py. */

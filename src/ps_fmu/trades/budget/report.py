@@ -105,8 +105,7 @@ def _list_reserves(entries: Sequence[SignalBudget]) -> Iterator[tuple[str, str]]
     """How far each system, active, is from instability; an unstable one has no budget."""
     for model in {entry.model.name: entry.model for entry in entries}.values():
         reserve = Circuit(model, active=True).reserve
-        more = "; ps-fmu analyse stability finds its least damped poles and margins"
-        yield model.name, f"active, the linear model is stable{more if reserve is None else f': {reserve}'}."
+        yield model.name, f"active, the linear model is stable{'' if reserve is None else f': {reserve}'}."
 
 
 def _list_sentences(entries: Sequence[SignalBudget]) -> Iterator[tuple[str, str]]:

@@ -320,7 +320,7 @@ def measure_points(
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         found = []
         starts = [find_settling(trade, at_lines, wrench, *case, 1.0 / duration) for case in cases]
-        runs = pool.map(lambda case, start: _measure(system, trade, *case, start, duration, seed), cases, starts)
+        runs = pool.map(lambda each: _measure(system, trade, each, duration, seed), zip(cases, starts, strict=True))
         for case, measured in zip(cases, runs, strict=True):
             point = _compare(trade, at_lines, wrench, *case, measured, duration)
             found.append(point)
@@ -383,9 +383,10 @@ def _open_loop(system: System) -> dict[str, Value]:
 
 
 def _measure(
-    system: System, trade: Trade, name: str, highpass: float, start: float, duration: float, seed: int
+    system: System, trade: Trade, case: tuple[tuple[str, float], float], duration: float, seed: int
 ) -> float:
-    """RMS of the line of sight in a run after ``start``, s; rad."""
+    """RMS of the line of sight in a run, rad.  ``case``: class and high-pass, Hz, and the time to wait before, s."""
+    (name, highpass), start = case
     values = {
         **_open_loop(system),
         **trade.classes[name].values,
