@@ -227,7 +227,7 @@ def test_a_missing_project_file_is_noticed(tmp_path, monkeypatch):
             ("import numpy as np", "import numpy as np\nfrom ps_fmu.nothing import x"),
             "No module named 'ps_fmu.nothing'",
         ),
-        (('Port("wave", "output", "N"', 'Port("wave", "output", "furlong"'), "port wave: unit 'furlong' is not known"),
+        (('Port("wave", "output", "N"', 'Port("wave", "output", "furlong"'), "unit 'furlong': expected SI units"),
         (("self.request_event()", "1 / 0; self.request_event()"), "ZeroDivisionError"),
         (("class Waves", "def broken(:\n\nclass Waves"), "SyntaxError"),
         (
