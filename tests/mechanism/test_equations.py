@@ -10,7 +10,7 @@ from support.claims import verify_claim
 from support.mechanics import PAPER, other_geometry, rigid
 
 from ps_fmu.mechanism.compiled import N_MOVING_INPUTS, Mechanism, Place
-from ps_fmu.mechanism.derivation import PLACE, write_header, write_source
+from ps_fmu.mechanism.derivation import TARGET, write_header, write_source
 from ps_fmu.mechanism.dynamics import bus_mass
 from ps_fmu.mechanism.kinematics import forward_kinematics, jacobians
 from ps_fmu.mechanism.modes import BusMode, PayloadMode
@@ -96,8 +96,8 @@ def differentiate(find, motion, x, u, h):
 
 
 def test_files_are_those_that_the_equations_make():
-    assert (PLACE / "equations.h").read_text() == write_header()
-    assert (PLACE / "equations.c").read_text() == write_source()
+    assert (TARGET / "equations.h").read_text() == write_header()
+    assert (TARGET / "equations.c").read_text() == write_source()
 
 
 @settings(max_examples=15)

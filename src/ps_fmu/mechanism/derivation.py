@@ -13,10 +13,31 @@ from pathlib import Path
 import casadi as ca
 
 from ..native import FOLDER
-from .equations import FUNCTIONS, STRUCTURES, count
+from .equations import (
+    MOTION,
+    PARAMETERS,
+    count,
+    derive_accelerations,
+    derive_change,
+    derive_legs,
+    derive_masses,
+    derive_momentum,
+)
+from .output_equations import PLACE, derive_outputs, derive_outputs_change
 
 #: Where what is made goes.
-PLACE = FOLDER / "mechanism"
+TARGET = FOLDER / "mechanism"
+
+FUNCTIONS = (
+    derive_legs, derive_accelerations, derive_change, derive_masses, derive_momentum, derive_outputs,
+    derive_outputs_change,
+)  # fmt: skip
+
+STRUCTURES = (
+    ("EquationsParameters", PARAMETERS, "p: parameters."),
+    ("EquationsMotion", MOTION, "z: what moves, and what moves it; dz: its change along a direction."),
+    ("EquationsPlace", PLACE, "place: what the outputs that are not linear depend on."),
+)
 
 _OPERATIONS = {
     ca.OP_ADD: "{} + {}", ca.OP_SUB: "{} - {}", ca.OP_MUL: "{} * {}", ca.OP_DIV: "{} / {}", ca.OP_NEG: "-{}",
@@ -49,7 +70,7 @@ def write_source() -> str:
     return "\n\n".join([f'{_MADE}\n#include "equations.h"\n\n#include <math.h>', *bodies]) + "\n"
 
 
-def write_all(folder: Path = PLACE) -> None:
+def write_all(folder: Path = TARGET) -> None:
     """Write both files into a folder."""
     (folder / "equations.h").write_text(write_header(), encoding="utf-8")
     (folder / "equations.c").write_text(write_source(), encoding="utf-8")
