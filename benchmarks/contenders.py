@@ -1,28 +1,23 @@
 """FMUs to compare with, and a system that goes on round by round, with every output of every step.
 
-FMUs in C are written as by hand (model.c): the models of ours at their first step, as dense matrices, and what ours
-make ahead as tables.  Stock FMUs are our slaves with the accessors and the library that pythonfmu comes with.
+FMUs in C are written as by hand (model.c).  Stock FMUs are our slaves with the accessors and the library that
+pythonfmu comes with.
 """
 
 from __future__ import annotations
 
 import re
-import runpy
 import shutil
 import zipfile
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rounds import HERE, ROOT, compile_c
+from rounds import HERE, compile_c
 
 from ps_fmu.cosim import Master, System
-from ps_fmu.cosim.structure import Component
 from ps_fmu.files.archive import read_all, write_zip
 from ps_fmu.product.files import find_product
-from ps_fmu.slavekit.author.ahead import finish
 from ps_fmu.slavekit.pack.build import build_one, find_folders
 
 Array = NDArray[np.float64]
@@ -127,31 +122,6 @@ def build_stock(system: System, output: Path) -> None:
             write_zip(output / f"{model}.fmu", files)
 
 
-def slave_class(model: str) -> Any:
-    """The slave class of a model, from its folder in ``fmus``."""
-    name = "".join(f"_{c.lower()}" if c.isupper() else c for c in model).lstrip("_")
-    return runpy.run_path(str(ROOT / "fmus" / name / f"{name}.py"))[model]
-
-
-def build_c_fmus(system: System, initial: Mapping[str, float], step: float, rows: int, output: Path) -> None:
-    """Build the FMUs of a system again in C, under the same names.
-
-    ``initial``: outputs at the start, by ``component.variable``; ``rows``: the longest run, in communication steps [s].
-    """
-    for component in system.components:
-        with zipfile.ZipFile(component.source) as ours:
-            description = ours.read("modelDescription.xml")
-        slave = _at_start(component, system, initial)
-        layout = slave.layout
-        data, source, target = slave._buffer.data.copy(), layout.source.start, layout.target
-        slave.do_step(0.0, step)
-        data[layout.a] = slave.a  # what an event before the first step may have set
-        made_ahead = bool(slave.block_rows)
-        numbers = finish(slave.rows(0.0, step, rows)) if made_ahead else slave.step_map(step).T
-        counts = (len(numbers), 0) if made_ahead else (0, len(numbers))
-        write_c_fmu(output, component.source.stem, description, data, source, target, counts, numbers)
-
-
 def write_c_fmu(
     folder: Path,
     model: str,
@@ -172,16 +142,3 @@ def write_c_fmu(
         fmu.writestr("modelDescription.xml", description)
         fmu.write(library, f"binaries/linux64/{model}.so")
         fmu.writestr("resources/model.bin", content + np.ascontiguousarray(numbers).tobytes())
-
-
-def _at_start(component: Component, system: System, initial: Mapping[str, float]) -> Any:
-    """A slave behind its initialisation, with the values of what it is connected to."""
-    slave = slave_class(component.source.stem)(instance_name=component.name)
-    slave.setup_experiment(0.0)
-    slave.enter_initialization_mode()
-    for connection in system.connections:
-        if connection.target.component == component.name:
-            reference = slave.layout.reference[connection.target.variable]
-            slave.set_real([reference], [initial[str(connection.source)]])
-    slave.exit_initialization_mode()
-    return slave

@@ -60,7 +60,9 @@ RUNS = {
     "isolator, slew": Run("FeedforwardIsolator", 20_000, {}, _SHAKEN | {"orientation.roll": (0.0, 3.5e-6)}),
     "commander, slew": Run("PointingCommander", 20_000, inputs={"target.roll": (0.07, 0.0)}),
     # A new target before each step: at first from rest, then in motion.
-    "commander, targets": Run("PointingCommander", 20_000, inputs={"target.roll": (0.07, 1e-6), "target.yaw": (0.0, 2e-6)}),
+    "commander, targets": Run(
+        "PointingCommander", 20_000, inputs={"target.roll": (0.07, 1e-6), "target.yaw": (0.0, 2e-6)}
+    ),
     "pointing, slew": Run("PointingController", 20_000, inputs={"orientation.roll": (0.0, 3.5e-6)}),
     "plant, slew": Run("ManipulatorPlant", 20_000, inputs={name: (0.0, slope) for name, slope in _SLEWED.items()}),
     "commander": Run("PointingCommander", 20_000),

@@ -237,7 +237,7 @@ def draw_host_frames() -> Drawing:
     drawing.line([hub, base], "ink", 1.5, dash="5 4", ends=">")
     drawing.text(hub[0] + 52, hub[1] - 18, "mounting", anchor="start", halo=True)
     drawing.text(place(0.0, height + 0.5)[0], place(0.0, height + 0.5)[1] - 16, "boresight", FRAME)
-    mark = place(float(locked.com_B[1]), float(locked.com_B[2]))
+    mark = place(*(float(moment / locked[0, 0]) for moment in (locked[3, 2], locked[4, 0])))  # mass times com_B: y, z
     drawing.line([mark, (190, mark[1])], "ink", 1.0)
     drawing.mark_mass(mark)
     drawing.text(184, mark[1], "locked_com", anchor="end")

@@ -125,7 +125,7 @@ def linearise(
 
     It is made of the directional derivatives of the FMUs, which FMUs of any maker may provide.  Connections act at
     once, without the delay of an exchange.  Deviations from the present values are its states, inputs and outputs.
-    Inputs by which an FMU provides no derivative, such as the orientation that gains depend on, are taken as constant.
+    Inputs by which an FMU provides no derivative, such as commands whose rate is limited, are taken as constant.
 
     Parameters
     ----------

@@ -11,7 +11,7 @@ import pytest
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 SCRIPTS = {
-    "step_cost": ("--steps 20", {"median_us", "ratios", "ours_to_c_fmus"}),
+    "step_cost": ("--steps 20", {"median_us", "ratios"}),
     "start": (
         '--resets 40 --masters 15 --commands "isolation, 1 s, without figures"', {"commands_s", "starts_s", "growth"},
     ),

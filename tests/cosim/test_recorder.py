@@ -249,7 +249,7 @@ def test_memory_does_not_grow_with_the_rows(path):
 
 
 def test_storage_step_that_no_stages_make_is_refused():
-    with pytest.raises(UsageError, match=r"20014 steps cannot be filtered .* that 10007 does not divide"):
+    with pytest.raises(UsageError, match=r"20014 steps cannot be filtered .*\n.* that 10007 does not divide"):
         Decimator(2 * 10_007, np.array([True]))
     Decimator(2 * 101, np.array([True]))
 

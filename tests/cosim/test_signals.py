@@ -117,8 +117,8 @@ def test_a_reset_gives_the_same_rows(folder, collect):
         ("time,u\n0,1\n1,nan\n", 3, "input 'u': expected a value of type Real, got 'nan'"),
         ("time,n\n0,1\n1,2.5\n", 3, "input 'n': expected a value of type Integer, got '2.5'"),
         ("time,n\n0,3000000000\n", 2, "of type Integer, got '3000000000'"),
-        ("time,u\n0,1e308\n1,-1e308\n", 3, "goes from 1e+308 at 0 s to -1e+308 at 1 s"),
-        ("time,u\n-1e308,1\n1e308,2\n", 3, "the difference is too large a number"),
+        ("time,u\n0,1e308\n1,-1e308\n", 3, "expected smaller steps than from 1e+308 at 0 s to -1e+308 at 1 s"),
+        ("time,u\n-1e308,1\n1e308,2\n", 3, "which cannot be interpolated"),
         ("time,b\n0,2\n", 2, "input 'b': expected a value of type Boolean, got '2'"),
     ],
 )

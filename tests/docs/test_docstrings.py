@@ -86,6 +86,10 @@ def test_examples_of_the_api_run(page, load, tmp_path, monkeypatch, built_fmus):
     assert all((SITE.parents[1] / f"{guide}.md").exists() for guide in group["guides"])
 
 
+def test_a_user_may_rely_on_forty_objects_at_most(load):
+    assert 30 <= len(load("api_pages").list_objects()) <= 40
+
+
 def test_types_are_those_of_the_source(load):
     from ps_fmu.pointing import RelativeError
 

@@ -203,6 +203,21 @@ def test_fine_legs_held_at_another_length_rest_there():
     np.testing.assert_allclose(slave.x[:3], [3.11e-5, -1.54e-5, 2.49e-5], rtol=0.0, atol=1e-6)
 
 
+def test_forces_that_hold_fine_legs_give_no_momentum():
+    """A force of a fine leg acts on both of its ends.  A creep of 1e-6 m under it must not push the whole."""
+    host = Host("manipulator_plant", **{f"fine_leg_{i}__damping": 300.0 for i in (1, 2, 3)}).run_mode()
+    slave, force = host.slave, np.array([1.0, -0.5, 0.8])  # N
+    slave.view("fine_force")[:] = force
+    host.step(H, 1500)
+    model = slave.plant.linearise(np.zeros(3))  # whose masses are those at 3e-5 m, to 1e-4 of them
+    before = momentum(model, slave.x[: model.n_states])
+    for k in range(4000):
+        slave.view("fine_force")[:] = force * (1.0 - 5e-6 * k)
+        host.step(H)
+    assert not kept(slave).moving
+    assert np.abs(momentum(model, slave.x[: model.n_states]) - before).max() < 1e-8  # N.s, N.m.s
+
+
 FINE = 1e-4  # s
 SAME = 1e-11  # of the largest value of each vector and state: yaw alone may be nothing but rounding
 

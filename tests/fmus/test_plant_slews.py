@@ -87,6 +87,25 @@ def test_comparison_sees_the_convective_forces(simulate):
     assert np.abs(turn_between(reference["payload_attitude"], rows[:, PLACE["payload_attitude"]])).max() > 1e-3
 
 
+@pytest.mark.parametrize("start", [{}, {"base": "prescribed"}, {"initial_angular_velocity.x": 0.01}])
+def test_no_step_enters_python(built_fmus, tmp_path, start):
+    """Slews, a command beyond the stroke, steps that change, states that are set: from the first step on."""
+    one, time = InFmpy(unpack(built_fmus / "ManipulatorPlant.fmu", tmp_path / "fmu"), "plant"), 0.0
+    one.set(start)
+    one.initialise()
+    random = np.random.default_rng(0)
+    for k in range(900):
+        if k % 300 == 0:
+            one.set({COMMAND[0]: 5e-3 * (k // 300), COMMAND[1]: 0.03 * (k == 600)})
+        if k == 450:
+            one.restore(one.state())
+        h = float(random.choice([1e-6, 1e-4, 1e-3, 2e-3])) if k % 20 == 0 else 1e-3  # s
+        one.step(time, h)
+        time += h
+    assert one.steps() == (900, 0)
+    one.end()
+
+
 def kept(slave):
     """What the plant keeps from step to step, by name."""
     return Memory.from_buffer(slave.memory)

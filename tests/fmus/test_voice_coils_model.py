@@ -298,6 +298,8 @@ def test_a_contact_of_few_steps_is_warned_of():
     host = make_host(**QUIET)
     host.step(1.2e-3)
     assert "a contact with a stop lasts 14.1 steps of 0.0012 s; expected 20 or more" in host.messages()
+    needed = DEFAULT.stop.stiffness**2 * 1.2e-3**3 / DEFAULT.stop.effective_mass
+    assert host.messages().endswith(f"The leg needs a damping of {needed:.3g} N.s/m")
     host = make_host(**QUIET, stop__distance=0.0)
     host.step(1.0)
     assert host.messages() == ""

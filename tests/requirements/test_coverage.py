@@ -63,6 +63,18 @@ def test_bounds_are_no_wider_than_white_noise_needs():
     assert min(row.ranked for row in rows) > 90.0
 
 
+def test_bounds_of_an_rms_do_not_jump_with_the_record():
+    """40 to 160 correlation times: chi-square needs 1.2 and 1.1 times the value; the worst of twenty has twice as much.
+
+    A correlation time that runs away would give eight times, chi-square of one square.
+    """
+    for process in list_processes():
+        if process.name == "coloured, 0.5 s" and process.length_s <= 120.0:
+            row = measure_process(process, None, 60)
+            assert row.held > 87.0
+            assert row.spread < {20.0: 2.4, 60.0: 2.0, 120.0: 1.6}[process.length_s]
+
+
 @pytest.mark.parametrize("kind", ENSEMBLES)
 def test_bounds_over_runs_and_times_hold(kind):
     rows = [

@@ -227,8 +227,8 @@ def test_a_missing_project_file_is_noticed(tmp_path, monkeypatch):
             ("import numpy as np", "import numpy as np\nfrom ps_fmu.nothing import x"),
             "No module named 'ps_fmu.nothing'",
         ),
-        (('Port("wave", "output", "N"', 'Port("wave", "output", "furlong"'), "port wave: unit 'furlong' is not known"),
-        (("self.memory[0] = self.value", "1 / 0; self.memory[0] = self.value"), "ZeroDivisionError"),
+        (('Port("wave", "output", "N"', 'Port("wave", "output", "furlong"'), "unit 'furlong': expected SI units"),
+        (("self.request_event()", "1 / 0; self.request_event()"), "ZeroDivisionError"),
         (("class Waves", "def broken(:\n\nclass Waves"), "SyntaxError"),
         (
             (

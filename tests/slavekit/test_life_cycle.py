@@ -178,12 +178,6 @@ def test_mistakes_in_a_class_are_told_at_its_definition():
             def __init__(self, **kwargs):
                 super().__init__(**kwargs)
 
-    with pytest.raises(TypeError, match="Both: n_states = 2"):
-
-        class Both(Slave):
-            n_states = 2
-            block_rows = 3
-
 
 def test_contradictions_between_ports_are_told_at_the_definition():
     with pytest.raises(ValueError, match="Twice: declared twice: a"):

@@ -248,25 +248,17 @@ def test_an_event_may_be_requested_at_configuration(make):
     assert slave.event_times == [0.0]
 
 
-def test_maps_and_tables_of_another_shape_are_faults(make, monkeypatch):
+def test_maps_of_another_shape_are_faults(make):
     slave = make("oscillator")
     slave.step_map = lambda h: np.zeros((2, 2))
     with pytest.raises(ValueError, match=r"step_map is of shape \(2, 2\); expected \(5, 6\)"):
         slave.do_step(0.0, H)
-    slave = make("waves")
-    monkeypatch.setattr(type(slave), "rows", lambda self, t, h, n: np.zeros((n, 1)))
-    with pytest.raises(ValueError, match=r"Waves\.rows is of shape \(16, 1\); expected \(16, 2\)"):
-        slave.do_step(0.0, H)
 
 
-def test_maps_and_tables_that_are_not_finite_are_refused(make, monkeypatch):
+def test_maps_that_are_not_finite_are_refused(make):
     slave = make("oscillator")
     slave.step_map = lambda h: np.full((5, 6), np.nan)
     with pytest.raises(ModelError, match=r"Oscillator\.step_map contains numbers that are not finite"):
-        slave.do_step(0.0, H)
-    slave = make("waves")
-    monkeypatch.setattr(type(slave), "rows", lambda self, t, h, n: np.full((n, 2), np.inf))
-    with pytest.raises(ModelError, match=r"Waves\.rows contains numbers that are not finite"):
         slave.do_step(0.0, H)
 
 
@@ -295,25 +287,6 @@ def test_an_event_that_fails_after_it_has_written_leaves_no_trace(make, put):
     put(slave, signal=0.7)
     assert slave.do_step(2 * H, H)
     assert slave.y.tolist() == [0.7, 0.5]
-
-
-def test_rows_do_not_depend_on_the_tables_they_come_in(make):
-    slave = make("waves")
-    rows = run(slave, 500, 1e-3)
-    assert [n for _, n in slave.tables[:4]] == [16, 64, 64, 64]
-    times = np.arange(1, 501) * 1e-3
-    assert rows[:, 1].tolist() == times.tolist()
-    assert rows[:, 0].tolist() == np.sin(2 * np.pi * 3.0 * times).tolist()
-
-
-def test_a_new_step_size_or_an_event_discards_the_table(make, put):
-    slave = make("waves")
-    run(slave, 20, 1e-3)
-    rows = run(slave, 20, 2e-3, first=10)
-    np.testing.assert_allclose(rows[:, 1], np.arange(22, 61, 2) * 1e-3, rtol=1e-14)
-    put(slave, gain=2.0)
-    rows = run(slave, 20, 2e-3, first=30)
-    np.testing.assert_allclose(rows[:, 0], 2 * np.sin(6 * np.pi * np.arange(62, 101, 2) * 1e-3), rtol=0, atol=1e-14)
 
 
 def test_without_the_compiled_kernel_a_step_is_refused_with_the_command_that_makes_it(make, monkeypatch, tmp_path):

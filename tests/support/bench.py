@@ -30,7 +30,7 @@ from ps_fmu.slavekit.author.elements import (
 from ps_fmu.slavekit.author.slave import Port
 
 H = 0.01  # s
-N_OUTPUTS, N_STATES, N_INPUTS, N_AUXILIARY, N_ROW, N_MEMORY = 5, 4, 3, 3, 2, 120
+N_OUTPUTS, N_STATES, N_INPUTS, N_AUXILIARY, N_MEMORY = 5, 4, 3, 3, 120
 
 
 def step_by_kernel(instructions: str, core: Core) -> bool:
@@ -68,16 +68,14 @@ class Bench:
         ports = [Port(f"y_{i}", "output") for i in range(N_OUTPUTS)]
         ports += [Port("flag", "output", type="Boolean")]
         ports += [Port(f"u_{i}", "input") for i in range(N_INPUTS)] + [Port("p", "parameter")]
-        self.layout = BufferLayout("bench", "1", ports, N_STATES, N_AUXILIARY, N_MEMORY, N_ROW)
+        self.layout = BufferLayout("bench", "1", ports, N_STATES, N_AUXILIARY, N_MEMORY)
         self.data = np.zeros(self.layout.size)
         self.core: Core = make_core(self.layout, self.data)
         self.core.step = H
-        parts = ("y", "x", "u", "a", "r", "memory")
-        self.y, self.x, self.u, self.a, self.r, self.memory = (self.data[getattr(self.layout, p)] for p in parts)
+        parts = ("y", "x", "u", "a", "memory")
+        self.y, self.x, self.u, self.a, self.memory = (self.data[getattr(self.layout, p)] for p in parts)
         self.random = np.random.default_rng(seed)
         self.taken = 0
-        self.rows = 100
-        self.core.use_rows(self.random.standard_normal((self.rows, N_ROW)))
         shape = self.layout.target.stop, self.layout.source.stop - self.layout.source.start
         self.matrix = self.random.standard_normal(shape) * self.random.choice([0.0, 0.3], shape)
         use_matrix(self.core, self.matrix)
@@ -97,7 +95,7 @@ class Bench:
 
     def random_operand(self, n: int, *, written: bool) -> np.ndarray:
         """A view, or places in any order; of memory, what no element keeps."""
-        views = [self.y, self.x, self.a, self.memory[-6:], *(() if written else (self.u, self.r))]
+        views = [self.y, self.x, self.a, self.memory[-6:], *(() if written else (self.u,))]
         view = views[self.random.integers(len(views))]
         if view.size >= n and self.random.random() < 0.5:
             first = self.random.integers(view.size - n + 1)

@@ -178,17 +178,20 @@ class Row:
     """Of these."""
     excess: float
     """Median of such a bound over the truth."""
+    spread: float
+    """95 % quantile of all bounds over their values."""
     wrong: float
     """Verdicts that are "met" although the truth is 1 % above the limit, or "not met" although it is 1 % below."""
 
 
 def measure(truth, records, probability, **how) -> Row:
     """``records``: each what :func:`decide` takes."""
-    held, close, wrong = [], [], 0
+    held, close, spread, wrong = [], [], [], 0
     for record in records:
         verdict = decide(record, 0.99 * truth, probability, **how)
         stated = verdict.statement
         held.append(stated.bound >= truth * (1.0 - 1e-9))
+        spread.append(stated.bound / stated.value)
         close.append(math.isfinite(stated.bound) and not stated.method.startswith("Markov"))
         wrong += verdict.answer is Answer.MET
         if stated.lower > 1.01 * truth:
@@ -197,10 +200,10 @@ def measure(truth, records, probability, **how) -> Row:
     excess = np.array(close)
     ranked = np.isfinite(excess)
     if not ranked.any():
-        return Row(100 * np.mean(held), 0.0, math.nan, math.nan, 100 * wrong / len(held))
+        return Row(100 * np.mean(held), 0.0, math.nan, math.nan, np.quantile(spread, 0.95), 100 * wrong / len(held))
     return Row(
         100 * np.mean(held), 100 * ranked.mean(), 100 * np.mean(np.array(held)[ranked]),
-        float(np.median(excess[ranked])), 100 * wrong / len(held),
+        float(np.median(excess[ranked])), np.quantile(spread, 0.95), 100 * wrong / len(held),
     )  # fmt: skip
 
 
@@ -249,6 +252,7 @@ def measure_system(length_s: float, probability: float | None, values: np.ndarra
         np.average([row.held for _, row in rows], weights=weights), sum(ranked) / sum(weights),
         np.average(np.nan_to_num([row.ranked_held for _, row in rows]), weights=ranked) if any(ranked) else math.nan,
         float(np.nanmean([row.excess for _, row in rows])) if any(ranked) else math.nan,
+        np.average([row.spread for _, row in rows], weights=weights),
         np.average([row.wrong for _, row in rows], weights=weights),
     )  # fmt: skip
 
@@ -273,15 +277,14 @@ def main() -> None:
     parser.add_argument("--scale", type=float, default=1.0, help="of all times but the step")
     parser.add_argument("--system", action="store_true", help="the default system, too")
     given = parser.parse_args()
-    head = "| {} | held | by ranks | of these held | bound over truth | wrong |"
-    print(head.format("record | statistic"), "|---|---|---|---|---|---|---|", sep="\n")
+    head = "| {} | held | by ranks | of these held | bound over truth | over value, 95 % | wrong |"
+    print(head.format("record | statistic"), "|---|---|---|---|---|---|---|---|", sep="\n")
 
     def show(name: str, probability: float | None, row: Row) -> None:
         what = "RMS" if probability is None else f"{100 * probability:g} %"
-        cells = (f"{row.held:.0f} %", f"{row.ranked:.0f} %", f"{row.ranked_held:.0f} %", f"{row.excess:.2f}")
-        print(
-            "|", " | ".join((name, what, *cells, f"{row.wrong:.0f} %")).replace("nan %", "-").replace("nan", "-"), "|"
-        )
+        shares = [f"{share:.0f} %" for share in (row.held, row.ranked, row.ranked_held)]
+        cells = (*shares, f"{row.excess:.2f}", f"{row.spread:.2f}", f"{row.wrong:.0f} %")
+        print("|", " | ".join((name, what, *("-" if "nan" in cell else cell for cell in cells))), "|")
         sys.stdout.flush()
 
     for process in list_processes(given.scale):

@@ -24,7 +24,6 @@ class DefinedStep:
         """The buffer after a step, without what elements keep, and whether an event is due; None: it is refused."""
         bench, layout, data = self._bench, self._bench.layout, start.copy()
         kept = {element: list(values) for element, values in self._kept.items()}
-        data[layout.r] = bench.core.arrays["table"][bench.core.count]
         try:
             with np.errstate(over="ignore", invalid="ignore"):
                 for element in self._before:

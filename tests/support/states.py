@@ -33,7 +33,7 @@ def clocks() -> st.SearchStrategy[dict[str, Any]]:
     fields = {
         "phase": st.sampled_from(LifePhase),
         **dict.fromkeys(("ready", "stale", "pending"), st.booleans()),
-        **dict.fromkeys(("count", "rows", "block"), _COUNTS),
+        **dict.fromkeys(("count",), _COUNTS),
         **dict.fromkeys(("start", "stop", "time", "origin", "step"), _NUMBERS),
     }
     return st.fixed_dictionaries({}, optional=fields)

@@ -150,6 +150,7 @@ def test_what_does_not_fit_is_said(isolator, capsys):
     first, second = (text for text in result.summary["warnings"] if "MyIsolator" in text)
     assert "new connections by name: plant.fine_velocity_1 -> isolator.fine_velocity_1" in first
     assert "left out, for there is no such variable: sensors.estimated_acceleration.x ->" in first
+    assert max(map(len, first.splitlines())) <= 100
     assert first.endswith("\n- values left out, for there is no such variable: filters.highpass_frequency")
     assert re.fullmatch(r"isolator: MyIsolator.fmu lacks the variables payload\.com.*: their values .*", second)
 
@@ -161,7 +162,7 @@ def test_what_does_not_fit_is_said(isolator, capsys):
         ("isolator=none.fmu", "--replace: isolator: there is no file none.fmu"),
         ("isolator=my_isolator.py", "my_isolator.py; ps-fmu build makes an FMU of it"),
         ("engine=MyIsolator.fmu", "there is no component 'engine'; expected one of disturbance, commander, plant"),
-        ("plant=MyIsolator.fmu", "MyIsolator.fmu cannot take the place of plant: expected at least one of the outputs"),
+        ("plant=MyIsolator.fmu", "MyIsolator.fmu cannot take the place of plant: expected a connected output"),
         ("commander=MyCommander.fmu", "commander (MyCommander.fmu) has no input target.roll of type Real, which"),
         ("isolator=MyCommander.fmu", "has no input enabled of type Boolean, which the scenario sets; enabled is "),
     ],

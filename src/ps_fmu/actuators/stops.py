@@ -80,10 +80,6 @@ class Stops(Checked):
         roots = np.roots([1.0, 4.0 * q, 4.0 * q**2, -2.0 * q])  # (a + b)^2 = b; its only positive root is real
         return float(roots.real[np.argmax(roots.real)]) / frequency
 
-    def find_needed_damping(self, h: float) -> float:
-        """Damping that the leg itself must have (N.s/m) for stable contacts at a step of ``h`` (s): a^2 m / h."""
-        return float(self.stiffness**2 * h**3 / self.effective_mass) if self.active else 0.0
-
 
 def find_effective_mass(p: Parameters) -> float:
     """``effective_mass`` (kg, three digits) of a mechanism: that at its nominal pose, less 8 % for all other poses."""

@@ -128,8 +128,8 @@ def _check_instances(system: System, descriptions: Mapping[str, ModelDescription
         key = component.source.resolve()
         if descriptions[component.name].coSimulation.canBeInstantiatedOnlyOncePerProcess and key in loaded:
             problems.append(
-                f"components {loaded[key]!r} and {component.name!r} both need {component.source.name}, which allows "
-                "one instance per process (canBeInstantiatedOnlyOncePerProcess): remove one of the two"
+                f"components {loaded[key]!r} and {component.name!r} both need {component.source.name}, of which a "
+                "process can have only one instance: remove one of the two"
             )
         loaded.setdefault(key, component.name)
     return problems

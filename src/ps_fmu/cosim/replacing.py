@@ -43,8 +43,8 @@ def _replace(system: System, old: Component, path: Path) -> System:
     lost = dict.fromkeys(wire.source.variable for wire in cut if not fits(wire.source))
     if lost and not any(wire.source.component == old.name for wire in wires):
         raise UsageError(
-            f"--replace: {path.name} cannot take the place of {old.name}: expected at least one of the outputs that "
-            f"are connected, {list_names(list(lost))}"
+            f"--replace: {path.name} cannot take the place of {old.name}: expected a connected output:\n"
+            f"  {list_names(list(lost))}"
         )
     left = [name for name in old.parameters if name not in known]
     fed = {wire.target.variable for wire in wires if wire.target.component == old.name}

@@ -219,8 +219,8 @@ def _check_spans(name: str, signal: Signal, values: NDArray[np.float64]) -> None
         begin, end = signal.times[row - 1 : row + 1].tolist()
         if not (math.isfinite(value - before) and math.isfinite(end - begin)):
             text = (
-                f"input {name!r}: goes from {before:g} at {begin:g} s to {value:g} at {end:g} s: the difference is too "
-                "large a number to interpolate"
+                f"input {name!r}: expected smaller steps than from {before:g} at {begin:g} s to {value:g} at {end:g} "
+                "s, which cannot be interpolated"
             )
             raise SystemFileError(Path(signal.origin), text, signal.lines[row])
 

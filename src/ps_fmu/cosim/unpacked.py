@@ -247,8 +247,8 @@ def _open_store(archive: Path) -> _Store:
         if "%" in Path(above).absolute().as_uri().replace("%20", ""):
             raise SystemFileError(
                 archive,
-                f"would be unpacked in {above}, which some FMUs cannot read: point TMPDIR to a folder "
-                "whose name has only ASCII letters, digits, and . _ -",
+                f"would be unpacked in {above}, which some FMUs cannot read.\n"
+                "  Set TMPDIR to a folder whose path contains only ASCII letters, digits, and . _ - /",
             )
         _store = _Store(os.getpid(), above, make_temporary("fmus_"))
         # Not atexit: processes that multiprocessing forks call none of its functions, others those of their parents.

@@ -13,7 +13,8 @@ program         what it is
                 ``launcher.c``, ``status.c``: the functions of FMI 2.0; ``platform.h`` and the folders ``posix`` and
                 ``windows``: what differs between operating systems
 ``numerics``    the arithmetic of :mod:`ps_fmu.numerics`, and steps in C, which FMUs carry.  ``mechanism``: any motion;
-                ``control``: poses, gains, motion profiles; steps of isolator, pointing controller, commander
+                ``plant``: its step; ``control``: poses, gains, motion profiles; steps of isolator, pointing controller,
+                commander
 ``loop``        the master's loop, and what guards it from FMUs in its process
 ``isolation``   what the master and the processes of isolated FMUs run
 ``reduction``   the reduction of recorded rows

@@ -27,7 +27,7 @@ SEEN_AT = 0.95
 come in clusters that are no longer."""
 MARKOV = "Markov's inequality"
 # Allowances, chosen so that bounds of 90 % hold in 87 % of records at least (python tests/support/coverage.py):
-DOUBTED = 0.2
+DOUBTED = 0.35
 """Standard deviations of what batches say that are taken off before they count."""
 HIDDEN = 15.0
 """A slow part of so many stretches may have as much variance again in what is slower still."""

@@ -103,8 +103,8 @@ def _split(factor: int) -> list[int]:
             while rest % n == 0:
                 rest //= n
         raise UsageError(
-            f"storage_step: {factor} steps cannot be filtered in stages of at most {LARGEST_STAGE}: "
-            f"choose a number of steps that {rest} does not divide"
+            f"storage_step: {factor} steps cannot be filtered in stages of at most {LARGEST_STAGE}.\n"
+            f"  Choose a number of steps that {rest} does not divide."
         )
     return list(parts)
 

@@ -41,9 +41,9 @@ class NotConverged(Exception):
         """The error for the user.  ``where``: of the loop and its time [s]; ``variables``: names of z."""
         variable, iteration = str(variables[self.place]), self._iteration
         return ConvergenceError(
-            f"loop of {', '.join(members)}: not solved {where} t = {time:.9g} s: after {self.passes} passes {variable} "
-            f"comes out {self.difference:.3g} off what went in, {self.residual:.3g} times the tolerance (relative "
-            f"{iteration.relative:g}, absolute {iteration.absolute:g})\n"
+            f"loop of {', '.join(members)}: not solved {where} t = {time:.9g} s: after {self.passes} passes "
+            f"{variable}\n  still changes by {self.difference:.3g}, {self.residual:.3g} times the tolerance (relative "
+            f"{iteration.relative:g}, absolute {iteration.absolute:g}).\n"
             "  Choose a smaller step, a larger tolerance or another solver.",
             members=members,
             time=time,

@@ -4,7 +4,7 @@
 
 #include <stdint.h>
 
-#define CORE_MAGIC 0x39302d65726f63ull /* "core-09" */
+#define CORE_MAGIC 0x30312d65726f63ull /* "core-10" */
 
 /* A function or table that Python finds in a library by its name. */
 #ifdef _WIN32
@@ -27,7 +27,7 @@ enum { CORE_REAL = 1, CORE_INTEGER = 2, CORE_BOOLEAN = 4, CORE_SET = 8, CORE_EVE
 enum { CORE_DUE = 1, CORE_FOUND_DUE = 2 };
 
 /* What a plain step is. */
-enum { CORE_NOTHING, CORE_MAP, CORE_TABLE };
+enum { CORE_NOTHING, CORE_MAP };
 
 /* What an element of a step does; elements.py says it in full. */
 enum {
@@ -107,20 +107,6 @@ typedef struct Map {
 
 enum { MOST_MAPS = 2 };
 
-/* Work for the next table that needs no Python: a function, and what it takes its arguments from. */
-typedef struct Call {
-    void (*function)(void *arguments);
-    void *arguments;
-} Call;
-
-/* Calls to be made in their order, each once: now and then one, spread over the rows of the present table.  Who makes one
-   counts it in `next`. */
-typedef struct Calls {
-    const Call *calls;
-    int64_t n, next;
-    int64_t later;            /* parts of the work that come after them, for which Python is asked; at least 1 */
-} Calls;
-
 /* The same as the class Core in core.py; all arrays belong to the slave.  Between two calls of the host each word has
    one writer: who makes the call. */
 struct Core {
@@ -133,23 +119,16 @@ struct Core {
     const double *low, *high; /* what may be set, both finite */
     int64_t n_references;
 
-    /* A plain step: the next row of the table goes to `row`; the elements before the map; the maps, one after the other
-       (each reads what those before it have written), or target <- the next row; the elements after it; then the
-       limits, on all or none. */
+    /* A plain step: the elements before the map; the maps, one after the other (each reads what those before it have
+       written); the elements after it; then the limits, on all or none. */
     int64_t plain;
     double *target;
     int64_t n_target;
     Map maps[MOST_MAPS];
     int64_t n_maps;
-    const double *table;      /* rows of n_target numbers; of n_row numbers where there is a map */
-    int64_t n_rows;           /* up to which steps take them: then a part of the work for the next table is due */
-    int64_t all_rows;         /* that there are */
-    Calls *calls;             /* that are such work; NULL: none */
-    double *row;
-    int64_t n_row;            /* 0: the map has no row of a table among its operands */
     const Element *before, *after;
     int64_t n_before, n_after;
-    const Span *spans;        /* what the row and the elements write, but for `target` and rings */
+    const Span *spans;        /* what the elements write, but for `target` and rings */
     int64_t n_spans;
     Span *kept_spans;         /* room for all that a step writes, to undo it: where, and what was there */
     double *kept_values;
@@ -165,7 +144,6 @@ struct Core {
     double time, step;        /* that are expected, s */
     double time_slack, step_slack, last_start; /* step_slack < 0: no step is a plain one */
     int64_t count;            /* steps of this size */
-    int64_t block;            /* value of `count` at the first row of the table */
 
     int64_t native_steps, python_steps; /* since the instance was made */
 

@@ -65,28 +65,9 @@ static void hold(Core *core)
         results[core->limit_flag] = 1.0;
 }
 
-/* The next row of the table; NULL: none is left. */
-static const double *next_row(const Core *core, int64_t width)
-{
-    int64_t row = core->count - core->block;
-    return row < 0 || row >= core->n_rows ? NULL : core->table + row * width;
-}
-
-/* Copy the next row of the table.  False, and nothing is written: none is left, or a number is not finite. */
-static bool copy_row(const Core *core, double *target, int64_t width)
-{
-    const double *row = next_row(core, width);
-    if (row == NULL || !are_finite(row, width))
-        return false;
-    copy(target, row, width);
-    return true;
-}
-
 /* The results, into `target`.  False: a map is not finite, and those before it have written theirs. */
 static bool compute(Core *core, const Arithmetic *by)
 {
-    if (core->plain == CORE_TABLE)
-        return copy_row(core, core->target, core->n_target);
     for (const Map *map = core->maps; map < core->maps + core->n_maps; map++) {
         if (!by->map(map))
             return false;
@@ -95,12 +76,10 @@ static bool compute(Core *core, const Arithmetic *by)
     return core->plain == CORE_MAP;
 }
 
-/* The row of the table and the elements before the map. */
+/* The elements before the map. */
 static bool prepare(Run *run)
 {
     Core *core = run->core;
-    if (core->n_row > 0 && !copy_row(core, core->row, core->n_row))
-        return false;
     if (!run_elements(run, core->before, core->n_before))
         return false;
     if (run->due && core->watching) {

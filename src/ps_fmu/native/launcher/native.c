@@ -71,27 +71,6 @@ static int64_t size_bits(double value)
     return bits_of(value) & INT64_MAX;
 }
 
-/* Whether one of the calls is due before the next step, and can be made: the table has rows beyond it. */
-static bool has_call(const Core *core)
-{
-    const int64_t row = core->count - core->block;
-    return core->calls->next < core->calls->n && row >= core->n_rows && row < core->all_rows &&
-           core->plain != CORE_NOTHING;
-}
-
-/* Make a call, with the arithmetic that Python would have, and spread what is left as Tables._work_ahead does. */
-NOT_INLINE static void make_call(Core *core)
-{
-    Calls *calls = core->calls;
-    const Call *call = &calls->calls[calls->next++];
-    floats_take();
-    call->function(call->arguments);
-    floats_give_back();
-    const int64_t row = core->count - core->block;
-    const int64_t rows = (core->all_rows - row) / (calls->n - calls->next + calls->later + 1);
-    core->n_rows = row + (rows > 1 ? rows : 1);
-}
-
 /* The same conditions as in Stepper.do_step. */
 static bool is_expected(const Core *core, double time, double step)
 {
@@ -165,8 +144,6 @@ bool native_step(Instance *m, double time, double step)
     if (core == NULL || core->pending)
         return false;
     if (is_expected(core, time, step)) {
-        if (core->calls != NULL && has_call(core))
-            make_call(core);
         if (!kernel_step(core))
             return false;
     } else if (!step_carefully(core, time, step))

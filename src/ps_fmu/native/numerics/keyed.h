@@ -35,13 +35,15 @@ INLINE void find_key(const uint32_t *words, int64_t n, uint64_t key[2])
         key[i] = state[2 * i] | (uint64_t)state[2 * i + 1] << 32;
 }
 
+__extension__ typedef unsigned __int128 Wide; /* a product of two words */
+
 /* Philox4x64-10 (Salmon, Moraes, Dror, Shaw: Parallel random numbers, SC11) of the counter (count, 0, 0, 0). */
 INLINE void scramble(uint64_t count, const uint64_t key[2], uint64_t x[4])
 {
     uint64_t a = key[0], b = key[1], x0 = count, x1 = 0, x2 = 0, x3 = 0;
     for (int round = 0; round < 10; round++) {
-        const unsigned __int128 one = (unsigned __int128)0xd2e7470ee14c6c93u * x0;
-        const unsigned __int128 other = (unsigned __int128)0xca5a826395121157u * x2;
+        const Wide one = (Wide)0xd2e7470ee14c6c93u * x0;
+        const Wide other = (Wide)0xca5a826395121157u * x2;
         x0 = (uint64_t)(other >> 64) ^ x1 ^ a;
         x2 = (uint64_t)(one >> 64) ^ x3 ^ b;
         x1 = (uint64_t)other;

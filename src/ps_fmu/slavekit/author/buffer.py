@@ -25,9 +25,9 @@ _LARGEST = float(np.finfo(np.float64).max)
 
 
 class BufferLayout:
-    """The buffer ``[y outputs|x states|u inputs|a auxiliary|r row|other inputs|parameters|memory]``.
+    """The buffer ``[y outputs|x states|u inputs|a auxiliary|other inputs|parameters|memory]``.
 
-    ``y`` and ``x`` are adjacent, and so are ``x``, ``u``, ``a`` and ``r``: a step is ``[y; x] <- M @ [x; u; a; r]``.
+    ``y`` and ``x`` are adjacent, and so are ``x``, ``u`` and ``a``: a step is ``[y; x] <- M @ [x; u; a]``.
     Booleans and Integers are kept as doubles.  Strings live in a list outside; their references follow the
     buffer.
 
@@ -42,7 +42,6 @@ class BufferLayout:
         n_states: int,
         n_auxiliary: int,
         n_memory: int,
-        n_row: int = 0,
         n_rates: int = 0,
     ) -> None:
         self.model = model
@@ -55,18 +54,18 @@ class BufferLayout:
         events = [port for port in every_input if port not in inputs]
         parameters = [port for port in numeric if port.causality == "parameter"]
 
-        sizes = [len(outputs), n_states, len(inputs), n_auxiliary, n_row, len(events), len(parameters), n_memory]
+        sizes = [len(outputs), n_states, len(inputs), n_auxiliary, len(events), len(parameters), n_memory]
         ends = np.cumsum([0, *sizes]).tolist()
         regions = [slice(first, last) for first, last in pairwise(ends)]
-        self.y, self.x, self.u, self.a, self.r, self.events, self.parameters, self.memory = regions
-        self.source = slice(self.x.start, self.r.stop)
-        """The operand ``[x; u; a; r]`` of a step."""
+        self.y, self.x, self.u, self.a, self.events, self.parameters, self.memory = regions
+        self.source = slice(self.x.start, self.a.stop)
+        """The operand ``[x; u; a]`` of a step."""
         self.target = slice(self.y.start, self.x.stop)
         """Its result ``[y; x]``."""
         self.size: int = ends[-1]
 
         self.by_reference: dict[int, Port] = {}
-        for region, group in zip(regions, (outputs, (), inputs, (), (), events, parameters, ()), strict=True):
+        for region, group in zip(regions, (outputs, (), inputs, (), events, parameters, ()), strict=True):
             self.by_reference |= dict(enumerate(group, region.start))
         self.by_reference |= dict(enumerate(self.strings, self.size))
         # Only for directional derivatives: states, and behind everything their rates, which lie in no buffer.
@@ -142,7 +141,7 @@ class BufferLayout:
         """What lies at a place of the buffer, for messages: a variable's name, or for example ``state 3``."""
         if place in self.by_reference:
             return self.by_reference[place].name
-        regions = {"state": self.x, "auxiliary": self.a, "row": self.r, "memory": self.memory}
+        regions = {"state": self.x, "auxiliary": self.a, "memory": self.memory}
         return next(f"{name} {place - r.start}" for name, r in regions.items() if r.start <= place < r.stop)
 
     def find(self, name: str) -> int:

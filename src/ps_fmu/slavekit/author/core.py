@@ -46,8 +46,8 @@ class Elements:
         self.words = write_words(self.before), write_words(self.after)
 
 
-_MAGIC = 0x39302D65726F63  # "core-09"
-NOTHING, MAP, TABLE = range(3)
+_MAGIC = 0x30312D65726F63  # "core-10"
+NOTHING, MAP = range(2)
 FOUND_DUE = 2
 """Value of ``pending`` if an element has found, before the map, that an event is due before this step."""
 
@@ -58,7 +58,7 @@ _MOST_MAPS = 2
 _STEP = PYFUNCTYPE(c_bool, c_char_p, c_void_p)  # keeps Python's lock: to give it up takes as long as a step
 
 Step = Callable[[], bool]
-"""Makes a plain step.  False, and nothing in the buffer has changed: no row is left; a number is not finite, of the
+"""Makes a plain step.  False, and nothing in the buffer has changed: a number is not finite, of the
 result, in ``work``, or of an element; or an element has found that an event is due before the step: FOUND_DUE."""
 
 
@@ -96,8 +96,7 @@ class Core(ctypes.Structure):
         ("magic", c_uint64), ("size", c_uint64),
         ("data", c_void_p), ("kinds", c_void_p), ("low", c_void_p), ("high", c_void_p), ("n_references", c_int64),
         ("plain", c_int64), ("target", c_void_p), ("n_target", c_int64), ("map_words", MapWords * _MOST_MAPS),
-        ("n_maps", c_int64), ("table", c_void_p), ("n_rows", c_int64), ("all_rows", c_int64), ("calls", c_void_p),
-        ("row", c_void_p), ("n_row", c_int64),
+        ("n_maps", c_int64),
         ("before", c_void_p), ("after", c_void_p), ("n_before", c_int64), ("n_after", c_int64),
         ("spans", c_void_p), ("n_spans", c_int64), ("kept_spans", c_void_p), ("kept_values", c_void_p),
         ("scratch", c_void_p),
@@ -105,7 +104,7 @@ class Core(ctypes.Structure):
         ("stepping", c_int64), ("pending", c_int64), ("watching", c_int64),
         ("time", c_double), ("step", c_double),
         ("time_slack", c_double), ("step_slack", c_double), ("last_start", c_double),
-        ("count", c_int64), ("block", c_int64),
+        ("count", c_int64),
         ("native_steps", c_int64), ("python_steps", c_int64),
         ("any_step", c_int64), ("origin", c_double), ("stop", c_double),
         ("message_status", c_int64), ("message", c_char * 512), ("label", c_char_p),
@@ -116,7 +115,7 @@ class Core(ctypes.Structure):
     arrays: dict[str, NDArray[Any]]
     """By the name of their word."""
     source: Array
-    """States, inputs, auxiliary inputs and the row of the table."""
+    """States, inputs and auxiliary inputs."""
     elements: Elements
     maps: tuple[Map, ...] = ()
 
@@ -133,16 +132,6 @@ class Core(ctypes.Structure):
                 self.map_words[place] = found.write_words()
             self.n_maps = len(maps)
         self.plain = MAP
-
-    def use_table(self, table: Array) -> None:
-        """A plain step is ``target <- table[count - block]``."""
-        self.use_rows(table)
-        self.plain = TABLE
-
-    def use_rows(self, table: Array) -> None:
-        """A plain step begins with ``row <- table[count - block]``, if there is a map as well."""
-        self._point(table=table)
-        self.n_rows = self.all_rows = len(table)
 
     def use_elements(self, elements: Elements) -> None:
         """What is done before and after the map."""
@@ -171,11 +160,10 @@ class Core(ctypes.Structure):
             self.n_limited, self.limit_flag = limits.lower.size, limits.flag
 
     def _make_room_to_undo(self) -> None:
-        """For what the row and the elements write, known beforehand, the results, and a row of each ring."""
-        first, target, row = (find_address(self.arrays[name]) or 0 for name in ("data", "target", "row"))
+        """For what the elements write, known beforehand, the results, and a row of each ring."""
+        first, target = (find_address(self.arrays[name]) or 0 for name in ("data", "target"))
         kept_as_target = range((target - first) // 8, (target - first) // 8 + self.n_target if self.n_after else 0)
         written = {place for element in self.elements.every for place in element.list_writes()}
-        written |= set(range((row - first) // 8, (row - first) // 8 + self.n_row))
         spans = find_spans([place for place in written if place not in kept_as_target])
         rings = [element.n + 1 for element in self.elements.every if element.kind == Kind.DELAY]
         room = np.zeros((len(spans) + len(rings) + 1, 2), dtype=np.int64)
@@ -201,13 +189,11 @@ def make_core(layout: BufferLayout, data: Array) -> Core:
     core.n_rates, core.first_rate = len(layout.rates), layout.first_rate
     core.n_outputs, core.first_input = layout.y.stop, layout.u.start
     core.n_inputs = layout.u.stop - layout.u.start
-    core.n_row = data[layout.r].size
-    core.n_rows = 2**62  # without tables, they do not end
     core.watching = 1
     core.arrays, core.source = {}, source
     core._point(
         data=data, kinds=layout.kinds, low=layout.low, high=layout.high,
-        target=target, row=data[layout.r],
+        target=target,
     )  # fmt: skip
     core.use_elements(Elements())
     return core

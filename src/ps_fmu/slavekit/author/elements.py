@@ -369,7 +369,7 @@ class StepMap(NamedTuple):
     step: float
     """s."""
     maps: tuple[Map, ...]
-    """One after the other; none: rows are the outputs."""
+    """One after the other."""
     elements: Elements
 
 

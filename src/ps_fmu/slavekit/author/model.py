@@ -11,7 +11,6 @@ from typing import ClassVar
 import numpy as np
 from pythonfmu.fmi2slave import Fmi2Slave
 
-from .ahead import RowParts
 from .blocks import Matrices
 from .buffer import Array
 from .elements import Element
@@ -22,13 +21,12 @@ from .variables import Port
 class Model(Fmi2Slave):
     """A system that is linear between events::
 
-        [y; x] <- step_map(h) @ [x; u; a; r]     each step, between its elements
+        [y; x] <- step_map(h) @ [x; u; a]        each step, between its elements
         y       = output_map() @ [x; u; a]       in initialisation mode
 
     y are all outputs in the order of ``ports``, Booleans as 0 and 1 (declare them last: hosts then read the Reals in
     one piece); x the states; u the Real inputs that are not events; a auxiliary inputs that the model sets itself, for
-    example the constant 1; r the row of a table that belongs to the step, for example noise.  An output that an event
-    computes is a component of ``a`` that the map copies.
+    example the constant 1.  An output that an event computes is a component of ``a`` that the map copies.
 
     What a step or an event needs later lies in x, a or memory, or is rebuilt from them by :meth:`restore`.  All of it
     must stay finite.
@@ -45,11 +43,6 @@ class Model(Fmi2Slave):
     """Further numbers that events keep; part of the FMU state."""
     limit_flag: ClassVar[str] = ""
     """A Boolean output that a step makes true if it meets a limit, see :meth:`limits`; false is up to the map."""
-    block_rows: ClassVar[int] = 0
-    """Above 0: a step takes the next row of a table of up to so many rows, see :meth:`rows`."""
-    n_row: ClassVar[int] = 0
-    """Size of r, a row that the map takes.  0, with ``block_rows``: rows are the outputs; no states, no map."""
-
     any_step: ClassVar[bool] = False
     """True: one map and one list of elements, of ``default_step``, serve steps of any size.
 
@@ -65,7 +58,6 @@ class Model(Fmi2Slave):
     x: Array
     u: Array
     a: Array
-    r: Array
     memory: Array
 
     def configure(self) -> None:
@@ -113,17 +105,17 @@ class Model(Fmi2Slave):
         return (A, B[:, :n], C, D[:, :n]), A @ self.x + B @ np.concatenate([self.u, self.a])
 
     def step_map(self, h: float) -> Array | None:
-        """Return the matrix of a step of size h, s, (ny + nx, nx + nu + na + nr).  It is cached by h until ``remap()``.
+        """Return the matrix of a step of size h, s, (ny + nx, nx + nu + na).  It is cached by h until ``remap()``.
 
         None: there is no map, elements do all.  May have fewer columns: the last operands are then not used.  An
         operand that is 0 costs nothing.
         """
-        raise NotImplementedError(f"{type(self).__name__} has neither step_map nor block_rows")
+        raise NotImplementedError(f"{type(self).__name__} has no step_map")
 
     def split_map(self, h: float) -> tuple[Array, Array] | None:
         """Return the same step as two matrices with more zeros, which cost no time; None: ``step_map`` is used.
 
-        First x <- states @ [x; u; a; r], then y <- outputs @ [x; u; a; r] from the new x.  Shapes as the parts of
+        First x <- states @ [x; u; a], then y <- outputs @ [x; u; a] from the new x.  Shapes as the parts of
         ``step_map``.  Asked for in its place, and with it equal but for rounding.
         """
         return None
@@ -131,7 +123,7 @@ class Model(Fmi2Slave):
     def before_map(self, h: float) -> Sequence[Element]:
         """Return the elements of a step of size h, s, before the map, in this order; see :mod:`.elements`.
 
-        Asked together with ``step_map``.  It may read all of the buffer: r of this step, y of the last one.
+        Asked together with ``step_map``.  It may read all of the buffer, such as y of the last step.
         What it writes to x, a and memory is there for the map.
 
         To compile a list takes 50 us.  Models whose map changes often give the same objects again.
@@ -150,30 +142,10 @@ class Model(Fmi2Slave):
         """
         return False
 
-    def rows(self, t: float, h: float, n: int) -> Array | RowParts:
-        """Return outputs (n, ny), or r (n, n_row), of the steps that end at t + h, ..., t + n h, s.
-
-        A function of its arguments, parameters and memory alone.  The same row must not depend on the table
-        it comes in: take the times from :meth:`.tables.Tables.times`.  At most 256 are asked for at a time; a generator
-        is asked for a whole table.
-
-        May be a generator, see :data:`.ahead.RowParts`: a table is then made in small parts while the last one is in
-        use.  It takes what it needs from the buffer before it first yields.  A memory that changes the rows has to come
-        with ``discard_rows()``.
-        """
-        raise NotImplementedError(f"{type(self).__name__} has block_rows, but no rows")
-
-    def most_rows(self, h: float) -> int:
-        """Rows of a table for steps of h (s), at most; no more than ``block_rows`` in any case.
-
-        A function of h alone, for models whose rows cost more the longer the time is that they span.
-        """
-        return self.block_rows
-
     def limits(self) -> tuple[Array, Array] | None:
         """Return lowest and highest values of y at the end of a step, each (ny,); -inf and inf: no limit.
 
-        Results beyond them are held there.  Asked for with each new map and table; None: no limits at all.
+        Results beyond them are held there.  Asked for with each new map; None: no limits at all.
         """
         return None
 

@@ -1,7 +1,7 @@
 """Base class of the slaves: pythonfmu's, on one buffer, one linear map per step, events apart from it.
 
 The files it is made of, each one subject: ``model`` what a model states, ``values`` access to variables,
-``stepper`` steps, ``tables`` rows made ahead, and here the life cycle.  A simulation in order::
+``stepper`` steps, and here the life cycle.  A simulation in order::
 
     instantiate --- set parameters and inputs --- setup_experiment --- enter_initialization_mode
         configure(), output_map()             whenever something was set and an output is read
@@ -54,22 +54,14 @@ class Slave(Stepper):
         super().__init_subclass__(**kwargs)
         if "__init__" in cls.__dict__:
             raise TypeError(f"{cls.__name__}: expected no __init__: make what the model needs in configure()")
-        if cls.block_rows and cls.n_states and not cls.n_row:
-            raise TypeError(
-                f"{cls.__name__}: n_states = {cls.n_states}: expected 0 with block_rows and without n_row"
-            )
         cls.any_step = cls.any_step or cls.continuous is not Model.continuous
-        if cls.any_step and cls.block_rows:
-            raise TypeError(f"{cls.__name__}: any_step, but rows of tables belong to one size of steps: block_rows = 0")
-        if cls.n_row and not cls.block_rows:
-            raise TypeError(f"{cls.__name__}: n_row = {cls.n_row} needs tables: set block_rows")
         flags = {port.name for port in cls.ports if port.causality == "output" and port.type == "Boolean"}
         if cls.limit_flag and cls.limit_flag not in flags:
             raise TypeError(f"{cls.__name__}: limit_flag: expected a Boolean output, got {cls.limit_flag!r}")
         protect(cls, _CALLED_BY_HOSTS, ("_fmu_state_to_bytes", "_fmu_state_from_bytes"))
         cls.instances = WeakSet()
         cls.layout = BufferLayout(
-            cls.__name__, __version__, cls.ports, cls.n_states, cls.n_auxiliary, cls.n_memory, cls.n_row,
+            cls.__name__, __version__, cls.ports, cls.n_states, cls.n_auxiliary, cls.n_memory,
             cls.n_states if cls.provides_derivatives else 0,
         )  # fmt: skip
 
@@ -128,8 +120,6 @@ class Slave(Stepper):
         try:
             self._core.pending = False
             self.remap()
-            self.discard_rows()
-            self.r[:] = 0.0
             self.configure()
             self._check_finite("configure()")
             outputs = self.output_map()
@@ -158,18 +148,18 @@ class Slave(Stepper):
 
     def _get_fmu_state(self) -> SlaveState:
         buffer = self._buffer
-        values, derived = (buffer.data.copy(), tuple(buffer.strings)), Derived(self._derived, self._table)
+        values, derived = (buffer.data.copy(), tuple(buffer.strings)), Derived(self._derived)
         return SlaveState(self.layout.identity, self._read_clock(), *values, derived)
 
     def _set_fmu_state(self, state: SlaveState | Unreadable) -> None:
         state = self._check_state(state)
         derived = self._find_derived(state)
-        if derived is not None and self._has_steps_of(state.clock, derived):
+        if derived is not None and self._has_steps_of(state.clock):
             self._buffer.data[:] = state.buffer
             self._buffer.strings[:] = state.strings
             self._go_back(state.clock)
             return
-        before, table = self._get_fmu_state(), self._table
+        before = self._get_fmu_state()
         try:
             self._put_state(state, derived)
         except BaseException as error:
@@ -177,7 +167,7 @@ class Slave(Stepper):
             self._buffer.strings[:] = before.strings
             if before.clock.phase >= LifePhase.STEPPING:
                 self._rebuild()
-            self._recall(before.clock, table)
+            self._recall(before.clock)
             blame(error, self.layout, state.buffer, state.clock.step, self.default_step)
             if isinstance(error, (ArithmeticError, ValueError)) and not isinstance(error, (ModelError, Refused)):
                 raise Refused(f"the FMU state cannot be restored: {type(error).__name__}: {error}") from error
@@ -188,23 +178,19 @@ class Slave(Stepper):
             raise Refused(state.why)
         if not isinstance(state, SlaveState) or state.identity != self.layout.identity:
             raise Refused("the FMU state belongs to another FMU, or to another version of this one")
-        rows, step = state.clock.rows, state.clock.step
-        most = self._limit_rows(rows, step) if rows and self.block_rows else self.block_rows
-        if rows > most:
-            raise Refused(f"the FMU state contains {rows} rows: expected at most {most}, of steps of {step:g} s")
         return state
 
     def _put_state(self, state: SlaveState, derived: Derived | None) -> None:
         self._buffer.data[:] = state.buffer
         self._buffer.strings[:] = state.strings
-        self._recall(state.clock, self._table[:0])
+        self._recall(state.clock)
         if self._phase < LifePhase.STEPPING:
             self._stale = True  # configure() has to rebuild what is derived
         elif derived is not None:
-            self._recall(state.clock, derived.table)
+            self._recall(state.clock)
         else:
             self._derive()
-            self._recall(state.clock, self._compute_table_again(state.clock))
+            self._recall(state.clock)
         if self._phase == LifePhase.STEPPING:
             self._prepare()
 

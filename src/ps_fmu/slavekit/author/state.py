@@ -25,8 +25,8 @@ from .guard import Refused
 
 Array = NDArray[np.float64]
 
-_MAGIC = b"ps_fmu\x00\x01"  # the last byte is the version of this format
-_HEADER = struct.Struct("<4B 3q 5d 2I")
+_MAGIC = b"ps_fmu\x00\x02"  # the last byte is the version of this format
+_HEADER = struct.Struct("<4B q 5d 2I")
 _CHECKSUM_SIZE = hashlib.sha256().digest_size
 _PREFIX_SIZE = len(_MAGIC) + _CHECKSUM_SIZE + _HEADER.size
 _MOST_STEPS = 2**53  # counted exactly by a double
@@ -54,10 +54,6 @@ class SlaveClock:
     """``event`` is due before the next step."""
     count: int
     """Steps of size ``step`` since ``origin``."""
-    rows: int
-    """Rows in the table; 0: no table."""
-    block: int
-    """Value of ``count`` at the start of the table; ``count - block`` of its rows have been used."""
     start: float
     """Start time of the experiment."""
     stop: float
@@ -76,8 +72,6 @@ class Derived:
 
     model: object
     """Another one whenever the model has derived anything."""
-    table: Array
-    """Rows that are not written to any more."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +91,7 @@ def to_bytes(state: SlaveState) -> bytes:
     c = state.clock
     header = _HEADER.pack(
         c.phase, c.ready, c.stale, c.pending,
-        c.count, c.rows, c.block,
+        c.count,
         c.start, c.stop, c.time, c.origin, c.step,
         state.buffer.size, len(state.strings),
     )  # fmt: skip
@@ -146,7 +140,7 @@ def _read_clock(words: list[float]) -> SlaveClock:
     times = (clock.start, clock.time, clock.origin, clock.step)
     if not all(map(math.isfinite, times)) or math.isnan(clock.stop) or clock.step < 0.0:
         raise Refused(f"the serialised FMU state contains impossible times: {times}")
-    if not (0 <= clock.block <= clock.count <= _MOST_STEPS and clock.rows >= 0) or (clock.rows and not clock.step):
+    if not 0 <= clock.count <= _MOST_STEPS:
         raise Refused("the serialised FMU state contains impossible counters")
     return clock
 

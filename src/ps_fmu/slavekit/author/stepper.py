@@ -1,4 +1,4 @@
-"""Stepping a slave: communication points, maps, tables, events."""
+"""Stepping a slave: communication points, maps, events."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .elements import Element, StepMap, compile_elements, find_full_delay
 from .far import blame
 from .guard import ModelError, Refused, report
 from .state import Derived, LifePhase, SlaveClock, SlaveState
-from .tables import Tables
+from .values import Values
 
 SAME_STEP = 1e-6  # relative: step sizes this close are one; hosts form them as differences of times
 SAME_TIME = 1e-3  # of a step: hosts add up times with rounding
@@ -24,7 +24,7 @@ _ROUNDING = 4  # units in the last place of a time: more than 1e-3 of a step, if
 _MOST_MAPS = 8  # step sizes remembered: enough for hosts that alternate a few
 
 
-class Stepper(Tables):
+class Stepper(Values):
     """Makes steps: plain ones by :meth:`.Core.make_step`, and all else by :meth:`_step_carefully`.
 
     A step is a plain one as long as the host goes on at the expected time with the same step size and nothing is due.
@@ -87,7 +87,7 @@ class Stepper(Tables):
                 abs(current_time - core.time) <= core.time_slack
                 and abs(step_size - core.step) <= core.step_slack
                 and current_time <= core.last_start
-                and (self._step_if_due() if step is None or core.pending or self._is_at_end_of_rows() else step())
+                and (self._step_if_due() if step is None or core.pending else step())
             ):
                 core.time = current_time + step_size
                 core.count += 1
@@ -101,6 +101,10 @@ class Stepper(Tables):
             raise
 
     # --- Behind it ----------------------------------------------------------------------
+
+    def _get_time(self) -> float:
+        """Present time on the grid of whole steps, s."""
+        return self._core.origin + self._core.count * self._core.step
 
     def _enter(self, phase: LifePhase) -> None:
         """Another phase, or another time: the next step is a careful one."""
@@ -131,13 +135,13 @@ class Stepper(Tables):
     def _step_carefully(self, t: float, h: float) -> None:
         """A step that checks all.  All or nothing."""
         self._check_step(t, h)
-        core, clock, table = self._core, self._read_clock(), self._table
+        core, clock = self._core, self._read_clock()
         try:
             if not (abs(h - core.step) <= SAME_STEP * core.step and self._is_on_grid(t)):
                 self._restart_count(t, h)
             self._step_fully()
         except BaseException:
-            self._recall(clock, table)
+            self._recall(clock)
             raise
         core.time = t + h
         core.count += 1
@@ -149,27 +153,21 @@ class Stepper(Tables):
         """A step before which something is due.  False: the host has drifted off the grid; nothing is changed."""
         if not self._is_on_grid(self._core.time):
             return False
-        step = self._plain_step
-        if step is not None and not self._core.pending and not self._is_used_up():
-            self._work_ahead()
-            if step():  # if not, it has changed nothing
-                return True
         return self._step_fully()
 
     def _step_fully(self) -> bool:
-        """A step with all that is due before it: an event, a new map, a new table.  All or nothing.
+        """A step with all that is due before it: an event, a new map.  All or nothing.
 
         Some models have an event in every step, so this is quick, too: 1.5 us less than a careful step.
         """
         core, data, kept = self._core, self._buffer.data, self._kept
         kept[:] = data
-        due, table, block = core.pending, self._table, core.block
+        due = core.pending
         try:
             while not self._handle_event_and_step():
                 if core.pending != FOUND_DUE:
                     if core.message_status == MESSAGE_REFUSAL:
                         raise Refused(self._read_message())
-                    self._check_row()
                     if full := find_full_delay(core.elements, kept, core.step):
                         raise Refused(full)
                     raise Refused(f"the step leads to numbers that are not finite: {self._describe_not_finite()}")
@@ -178,7 +176,7 @@ class Stepper(Tables):
             if due or not core.watching:
                 self._rebuild()
             core.pending = due == 1  # an element will find it again
-            self._put_table(table, block)
+            self._renew()
             blame(error, self.layout, kept, core.step, self.default_step)
             raise
         finally:
@@ -207,10 +205,8 @@ class Stepper(Tables):
             self._derived = object()
             again = self.event(self._get_time(), core.step)
             core.pending = core.pending or bool(again)
-        if self._plain_step is None or self._is_used_up():
+        if self._plain_step is None:
             self._plain_step = self._make_plain_step()
-        elif self._is_at_end_of_rows():
-            self._work_ahead()
         return self._plain_step()
 
     def _prepare(self) -> None:
@@ -246,22 +242,12 @@ class Stepper(Tables):
         known = [found.step for found in self._maps if abs(found.step - h) <= SAME_STEP * found.step]
         self._core.origin = t
         self._core.count, self._core.step = 0, known[0] if known and not self.any_step else h
-        self.discard_rows()
+        self._renew()
 
     def _make_plain_step(self) -> Step:
         core = self._core
-        if self._is_used_up():
-            self._fill_table()
-        rows = core.n_rows
         step_map = self._find_map(self.default_step if self.any_step else core.step)
-        if self._has_rows_alone():
-            core.use_table(self._table)
-        else:
-            core.use_maps(*step_map.maps)
-            core.use_rows(self._table)
-        core.n_rows = rows  # up to the next part of the work ahead
-        if self._is_at_end_of_rows():
-            self._work_ahead()
+        core.use_maps(*step_map.maps)
         if core.elements is not step_map.elements:
             core.use_elements(step_map.elements)
         core.use_limits(self._compute_limits())
@@ -273,7 +259,7 @@ class Stepper(Tables):
                 return found
         before, matrices = self.before_map(h), self.continuous()
         if matrices is None:
-            maps = () if self._has_rows_alone() else self._make_maps(h)
+            maps = self._make_maps(h)
         else:
             maps, held = self._make_continuous_maps(matrices)
             before = [*before, *held]
@@ -282,10 +268,6 @@ class Stepper(Tables):
             del self._maps[0]
         self._maps.append(StepMap(h, maps, elements))
         return self._maps[-1]
-
-    def _has_rows_alone(self) -> bool:
-        """Whether the outputs are the rows of a table, without a map."""
-        return self.block_rows > 0 and not self.n_row
 
     def _make_maps(self, h: float) -> tuple[Map, ...]:
         split = self.split_map(h)
@@ -348,7 +330,7 @@ class Stepper(Tables):
     def _derive(self) -> None:
         """Have the model derive everything from the buffer, which stays as it is."""
         self.remap()
-        self.discard_rows()
+        self._renew()
         self._compiled = ((), Elements())
         kept = self._buffer.data.copy()
         try:
@@ -367,12 +349,12 @@ class Stepper(Tables):
         found = state.derived
         return found if stepping and found and found.model is self._derived else None
 
-    def _has_steps_of(self, clock: SlaveClock, derived: Derived) -> bool:
-        """Whether the present steps, and their table, are those of an earlier clock."""
+    def _has_steps_of(self, clock: SlaveClock) -> bool:
+        """Whether the present steps are those of an earlier clock."""
         core = self._core
-        here = core.step, core.block, self._core.origin, self._start, self._core.stop
-        there = clock.step, clock.block, clock.origin, clock.start, clock.stop
-        return here == there and self._table is derived.table
+        here = core.step, self._core.origin, self._start, self._core.stop
+        there = clock.step, clock.origin, clock.start, clock.stop
+        return here == there
 
     def _go_back(self, clock: SlaveClock) -> None:
         """To an earlier clock of the same steps, for which all is derived."""
@@ -383,17 +365,17 @@ class Stepper(Tables):
         core = self._core
         return SlaveClock(
             phase=self._phase, ready=self._ready, stale=self._stale, pending=core.pending == 1,
-            count=core.count, rows=len(self._table), block=core.block,
+            count=core.count,
             start=self._start, stop=self._core.stop, time=core.time, origin=self._core.origin, step=core.step,
         )  # fmt: skip
 
-    def _recall(self, clock: SlaveClock, table: Array) -> None:
-        """Go back to an earlier clock; ``table`` is the one that belongs to it."""
+    def _recall(self, clock: SlaveClock) -> None:
+        """Go back to an earlier clock."""
         core = self._core
         self._ready, self._stale, core.pending = clock.ready, clock.stale, clock.pending
         self._start, self._core.stop, self._core.origin = clock.start, clock.stop, clock.origin
         core.count, core.time, core.step = clock.count, clock.time, clock.step
-        self._put_table(table, clock.block)
+        self._renew()
         self._enter(clock.phase)
 
 

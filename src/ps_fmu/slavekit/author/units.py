@@ -131,8 +131,8 @@ def find_exponents(unit: str) -> dict[str, int] | None:
     parsed = parse_unit(unit, cycle_is_angle=False) if _PLAIN.fullmatch(unit) else None
     if parsed is None or (parsed.scale, parsed.offset) != (1.0, 0.0):
         raise ValueError(
-            f"unit {unit!r} is not known: expected SI units without prefix ({', '.join(BASE_UNITS)}, N, Pa, J, W, V, "
-            "Hz or 1), joined by '.' and '/', for example 'N.s/m' or 'kg.m2'"
+            f"unit {unit!r}: expected SI units without prefix, joined by '.' and '/', for example 'N.s/m' or 'kg.m2'\n"
+            f"  ({', '.join(BASE_UNITS)}, N, Pa, J, W, V, Hz, 1)"
         )
     return {base: power for base, power in zip(BASE_UNITS, parsed.exponents, strict=True) if power}
 

@@ -32,7 +32,7 @@ class Values(Model):
         data = self._buffer.data
         self._core = make_core(layout, data)
         self.y, self.x, self.u = data[layout.y], data[layout.x], data[layout.u]
-        self.a, self.r, self.memory = data[layout.a], data[layout.r], data[layout.memory]
+        self.a, self.memory = data[layout.a], data[layout.memory]
         self._phase = LifePhase.INSTANTIATED
         self._stale = True  # something was set since the last configure()
 

@@ -1,4 +1,4 @@
-"""Toy: a noisy, sampled channel that follows its input at a limited rate; a delay and a resolution behind it."""
+"""Toy: a sampled channel that follows its input at a limited rate; a delay and a resolution behind it."""
 
 import numpy as np
 
@@ -21,7 +21,7 @@ LONGEST = 20  # steps of delay
 
 class Channel(Slave):
     ports = (
-        Port("reading", "output", "N", "Input, with noise, late and in whole multiples of the resolution"),
+        Port("reading", "output", "N", "Input, late and in whole multiples of the resolution"),
         Port("followed", "output", "N", "Input, at a limited rate"),
         Port("turns", "output", "1", "How often the input has risen above 0.9 N"),
         Port("far", "output", "1", "Number of events"),
@@ -33,21 +33,11 @@ class Channel(Slave):
     )
     n_states = 2  # followed, and as filtered
     n_auxiliary = 3  # rate, sampled input, events
-    n_row = 1  # noise
-    block_rows = 64
     default_step = 0.01  # s
     n_memory = 3 + 1 + 1 + 2 + 1 + ring_size(1, LONGEST)
 
     def configure(self) -> None:
         self.x[:] = self.a[:] = self.memory[:] = 0.0
-
-    def rows(self, t, h, n):
-        times = self.times(t, h, n)
-        rows = np.empty((n, 1))
-        for part in range(4):
-            yield 4 - part
-            rows[part::4, 0] = 0.01 * np.sin(1e4 * times[part::4])
-        return rows
 
     def before_map(self, h):
         return [
@@ -60,8 +50,8 @@ class Channel(Slave):
     def step_map(self, h):
         followed = np.array([1.0, 0.0, 0.0, h])  # of both states, input and rate
         filtered = np.array([1.0, 0.0, 0.0, h]) * 0.2 + np.array([0.0, 0.8, 0.0, 0.0])
-        matrix = np.zeros((7, 7))
-        matrix[0, :4], matrix[0, 6] = filtered, 1.0
+        matrix = np.zeros((7, 6))
+        matrix[0, :4] = filtered
         matrix[1, :4] = matrix[5, :4] = followed
         matrix[6, :4] = filtered
         matrix[3, 5] = 1.0

@@ -1,4 +1,4 @@
-"""Toy: outputs from tables."""
+"""Toy: outputs that are functions of time, by an event before each step."""
 
 import numpy as np
 
@@ -12,20 +12,15 @@ class Waves(Slave):
         Port("gain", "input", "1", "Factor of the sine", start=1.0, event=True),
         Port("frequency", "parameter", "Hz", "Frequency", start=3.0, min=0.0),
     )
-    n_memory = 1  # gain
-    block_rows = 64
+    n_auxiliary = 2  # the outputs
 
     def configure(self) -> None:
-        self.tables: list[tuple[float, int]] = []
-        self.memory[0] = self.value("gain")
         self.y[:] = 0.0, self.start_time
+        self.request_event()
 
-    def rows(self, t, h, n):
-        self.tables.append((t, n))
-        times = self.times(t, h, n)
-        return np.column_stack([self.memory[0] * np.sin(2 * np.pi * self.value("frequency") * times), times])
+    def step_map(self, h):
+        return np.eye(2)
 
     def event(self, t, h):
-        self.memory[0] = self.value("gain")
-        self.discard_rows()
-        return False
+        self.a[:] = self.value("gain") * np.sin(2 * np.pi * self.value("frequency") * (t + h)), t + h
+        return True
