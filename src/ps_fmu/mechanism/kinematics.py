@@ -139,7 +139,8 @@ def platform_joints_B(geometry: Geometry, R: Array) -> Array:
 def platform_jacobian(geometry: Geometry, translation_B: Array, R: Array) -> Array:
     """J_lp, eq (6): rows ``[n_i, (R r_pi) x n_i]``; (..., 6, 6), in axes of B."""
     vectors_B = leg_vectors(geometry, translation_B, R)
-    return leg_rows(platform_joints_B(geometry, R), vectors_B / lengths(vectors_B)[..., None])
+    length = np.sqrt(np.vecdot(vectors_B, vectors_B))
+    return leg_rows(platform_joints_B(geometry, R), vectors_B / length[..., None])
 
 
 def jacobians(geometry: Geometry, translation_B: Array, R: Array) -> Jacobians:
@@ -303,7 +304,8 @@ def forward_kinematics(
     converged = np.zeros(batch, dtype=bool)
     inverse: Array | None = None
     for _ in range(max_steps + 1):
-        error = lengths - leg_lengths(geometry, translation_B, R)
+        vectors_B = leg_vectors(geometry, translation_B, R)
+        error = lengths - np.sqrt(np.vecdot(vectors_B, vectors_B))
         largest = np.abs(error).max(axis=-1)
         residuals.append(float(largest.max(initial=0.0)))
         # One step after the tolerance is met takes what is left of the error down to rounding.
