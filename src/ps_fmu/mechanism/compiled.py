@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Sequence
-from contextlib import suppress
 from ctypes import POINTER, Structure, c_double, c_int64, c_void_p
 from functools import cache, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..native import NotCompiledError, load
+from ..numerics.library import find_library as find_numerics
 from .modes import MOST_BUS_MODES, MOST_PAYLOAD_MODES, MOST_TRUSS_MODES, BusMode, PayloadMode, TrussMode, drop_unused
 from .parameters import Bus, CoarseLeg, CoarseServo, Manipulator, Optics, Payload
 from .quantities import Array, ParameterError
@@ -81,8 +80,8 @@ class Point(Structure):
 
 @cache
 def find_library() -> ctypes.CDLL:
-    """The library.  Raises NotCompiledError."""
-    library = load("numerics")
+    """The library, with the functions of mechanism.h.  Raises NotCompiledError."""
+    library = find_numerics()  # loaded already: an FMU's folder goes with its first instance
     place, many = POINTER(Place), [c_void_p]
     for name, taken, given in (
         ("invert", 3 * many, c_int64),
@@ -96,10 +95,6 @@ def find_library() -> ctypes.CDLL:
         function = getattr(library, f"mechanism_{name}")
         function.argtypes, function.restype = (POINTER(_Mechanism), *taken), given
     return library
-
-
-with suppress(NotCompiledError):  # whoever needs it is told; an FMU's folder goes with its first instance
-    find_library()
 
 
 class Mechanism:
