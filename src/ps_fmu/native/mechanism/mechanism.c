@@ -52,18 +52,28 @@ static double dot6(const double *a, const double *b)
     return ((a[0] * b[0] + a[1] * b[1]) + (a[2] * b[2] + a[3] * b[3])) + (a[4] * b[4] + a[5] * b[5]);
 }
 
+static double sum6(const double *a)
+{
+    return ((a[0] + a[1]) + (a[2] + a[3])) + (a[4] + a[5]);
+}
+
 static void multiply6(const double *matrix, const double *vector, double *result)
 {
     for (int i = 0; i < 6; i++)
         result[i] = dot6(matrix + 6 * i, vector);
 }
 
+/* By four sums: none waits for the others. */
 static int is_finite(const double *values, int64_t n)
 {
-    double sum = 0.0;
-    for (int64_t i = 0; i < n; i++)
-        sum += 0.0 * values[i];
-    return sum == 0.0;
+    double sums[4] = {0.0};
+    int64_t i = 0;
+    for (; i + 4 <= n; i += 4)
+        for (int k = 0; k < 4; k++)
+            sums[k] += 0.0 * values[i + k];
+    for (; i < n; i++)
+        sums[0] += 0.0 * values[i];
+    return (sums[0] + sums[1]) + (sums[2] + sums[3]) == 0.0;
 }
 
 /* Gauss and Jordan with the largest pivot of each column.  0: there is none. */
@@ -100,24 +110,25 @@ static int64_t invert6(double a[36], double inverse[36])
 
 static int64_t find_legs(const Mechanism *m, const double *t, const double *R, double lengths[6], double J_pl[36])
 {
-    double place[12], J_lp[36], divisor, square = 0.0, inverse = 0.0;
+    double place[12], J_lp[36], divisor, square[6] = {0.0}, inverse[6] = {0.0};
     memcpy(place, t, 3 * sizeof *t);
     memcpy(place + 3, R, 9 * sizeof *R);
     equations_legs((const double *)&m->rigid, place, lengths, J_lp, J_pl, &divisor);
     for (int i = 0; i < 6; i++)
         for (int k = 0; k < 6; k++) {
             double scaled = k < 3 ? m->radius * J_lp[6 * i + k] : J_lp[6 * i + k];
-            square += scaled * scaled;
+            square[k] += scaled * scaled;
         }
     /* By blocks where the directions of the coarse legs are far from one plane. */
     if (!(fabs(divisor) > FAR) && !invert6(J_lp, J_pl))
         return 0;
-    for (int i = 0; i < 36; i++) {
-        double scaled = i < 18 ? J_pl[i] : m->radius * J_pl[i];
-        inverse += scaled * scaled;
-    }
+    for (int i = 0; i < 6; i++)
+        for (int k = 0; k < 6; k++) {
+            double scaled = i < 3 ? J_pl[6 * i + k] : m->radius * J_pl[6 * i + k];
+            inverse[k] += scaled * scaled;
+        }
     double radius = m->radius;
-    return square * inverse <= 36.0 * LARGEST_CONDITION * LARGEST_CONDITION * radius * radius;
+    return sum6(square) * sum6(inverse) <= 36.0 * LARGEST_CONDITION * LARGEST_CONDITION * radius * radius;
 }
 
 EXPORT int64_t mechanism_invert(const Mechanism *m, const double t[3], const double R[9], double J_pl[36])
@@ -182,14 +193,9 @@ static void gather(const Mechanism *m, const double *x, const double *u, Equatio
         z->given[i] = m->servo_stiffness * (x[at.r + i] - x[at.s + i]) - m->servo_damping * x[at.ds + i];
         z->given[3 + i] = 0.0;
     }
-    for (int i = 0; i < 6; i++) {
-        z->given[6 + i] = u[MECHANISM_BASE_MOTION + i];
-        z->base_wrench[i] = u[MECHANISM_BASE_WRENCH + i];
-        z->payload_wrench[i] = u[MECHANISM_PAYLOAD_WRENCH + i];
-        z->bus_flow[i] = z->payload_flow[i] = z->payload_change[i] = z->payload_change_rate[i] = 0.0;
-    }
-    for (int i = 0; i < 3; i++)
-        z->bus_shift[i] = z->payload_shift[i] = 0.0;
+    double shift[3] = {0.0}, flow[6] = {0.0}, wrench[6] = {0.0}, change[6] = {0.0}, change_rate[6] = {0.0};
+    memcpy(z->given + 6, u + MECHANISM_BASE_MOTION, 6 * sizeof *u);
+    memcpy(wrench, u + MECHANISM_BASE_WRENCH, sizeof wrench);
     for (int64_t k = 0; k < m->n_bus; k++) {
         const Mode *mode = m->bus + k;
         double place = q[MODES + k], rate = dq[MODES + k];
@@ -197,12 +203,18 @@ static void gather(const Mechanism *m, const double *x, const double *u, Equatio
             continue;
         double held = mode->mobility * (mode->stiffness * place + mode->damping * rate);
         for (int i = 0; i < 3; i++)
-            z->bus_shift[i] += mode->momentum[i] * place;
+            shift[i] += mode->momentum[i] * place;
         for (int i = 0; i < 6; i++) {
-            z->bus_flow[i] += mode->momentum[i] * rate;
-            z->base_wrench[i] += mode->momentum[i] * held;
+            flow[i] += mode->momentum[i] * rate;
+            wrench[i] += mode->momentum[i] * held;
         }
     }
+    memcpy(z->bus_shift, shift, sizeof shift);
+    memcpy(z->bus_flow, flow, sizeof flow);
+    memcpy(z->base_wrench, wrench, sizeof wrench);
+    memset(shift, 0, sizeof shift);
+    memset(flow, 0, sizeof flow);
+    memcpy(wrench, u + MECHANISM_PAYLOAD_WRENCH, sizeof wrench);
     for (int64_t k = 0; k < m->n_payload; k++) {
         const Mode *mode = m->payload + k;
         double place = q[at.payload + k], rate = dq[at.payload + k];
@@ -210,14 +222,19 @@ static void gather(const Mechanism *m, const double *x, const double *u, Equatio
             continue;
         double held = mode->mobility * (mode->stiffness * place + mode->damping * rate);
         for (int i = 0; i < 3; i++)
-            z->payload_shift[i] += mode->momentum[i] * place;
+            shift[i] += mode->momentum[i] * place;
         for (int i = 0; i < 6; i++) {
-            z->payload_flow[i] += mode->momentum[i] * rate;
-            z->payload_change[i] += mode->inertia[i] * place;
-            z->payload_change_rate[i] += mode->inertia[i] * rate;
-            z->payload_wrench[i] += mode->momentum[i] * held;
+            flow[i] += mode->momentum[i] * rate;
+            change[i] += mode->inertia[i] * place;
+            change_rate[i] += mode->inertia[i] * rate;
+            wrench[i] += mode->momentum[i] * held;
         }
     }
+    memcpy(z->payload_shift, shift, sizeof shift);
+    memcpy(z->payload_flow, flow, sizeof flow);
+    memcpy(z->payload_change, change, sizeof change);
+    memcpy(z->payload_change_rate, change_rate, sizeof change_rate);
+    memcpy(z->payload_wrench, wrench, sizeof wrench);
 }
 
 /* Rates and outputs from accelerations, as far as they are linear in these, in state and input; those of the base's

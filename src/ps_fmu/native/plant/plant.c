@@ -126,11 +126,14 @@ static bool move_on(Plant *p, Memory *w, double *x, double h, const double *inpu
     memcpy(f, rates, size);
     if (p->prescribed)
         memset(change + n + SHIFT, 0, 6 * sizeof *change);
-    if (memcmp(input, w->input, sizeof w->input) != 0) {
+    for (int k = 0; k < 3; k++)
+        f[n_x - 3 + k] = input[MECHANISM_REFERENCE_RATE + k];
+    if (memcmp(input, w->input, MECHANISM_REFERENCE_RATE * sizeof *input) != 0 ||
+        memcmp(input + MECHANISM_BASE_MOTION, w->input + MECHANISM_BASE_MOTION, 6 * sizeof *input) != 0) {
         for (int k = 0; k < MECHANISM_INPUTS; k++)
             changed[k] = input[k] - w->input[k];
         mechanism_accelerate(p->mechanism, &p->point, changed, by_loads);
-        for (int64_t i = 0; i < n_x; i++)
+        for (int64_t i = 0; i < n_x - 3; i++)
             f[i] += by_loads[i];
     }
     memcpy(w->rates_before, f, size);
@@ -484,14 +487,15 @@ int64_t plant_step(void *arguments, Core *core)
         done = model == NULL ? REST_REFUSED : rest(p, kept, model, input, x, y);
     }
     if (done == REST_LEFT) {
-        Memory w = *kept; /* written back when the step is done */
-        double moved[MECHANISM_STATES], outputs[N_OUTPUTS];
-        memcpy(moved, x, sizeof *x * (size_t)count_states(p));
-        done = take_step(p, &w, core->step, input, command, u + BASE_TURN, moved, outputs);
-        if (done) {
-            *kept = w;
-            memcpy(x, moved, sizeof *x * (size_t)count_states(p));
+        const Memory before = *kept; /* written back when the step is refused */
+        double start[MECHANISM_STATES], outputs[N_OUTPUTS];
+        memcpy(start, x, sizeof *x * (size_t)count_states(p));
+        done = take_step(p, kept, core->step, input, command, u + BASE_TURN, x, outputs);
+        if (done)
             memcpy(y, outputs, sizeof *y * (size_t)(p->prescribed ? N_OUTPUTS : MECHANISM_OUTPUTS));
+        else {
+            *kept = before;
+            memcpy(x, start, sizeof *x * (size_t)count_states(p));
         }
     }
     if (!done) {

@@ -31,10 +31,11 @@ static double clip(double value, double low, double high)
 /* sin(a) / a and (1 - cos(a)) / a^2 of a small angle, from its square: 1e-17 up to 0.5 rad. */
 static void find_series(double square, double *sine, double *cosine)
 {
-    *sine = 1.0 - square / 6.0 * (1.0 - square / 20.0 * (1.0 - square / 42.0 * (1.0 - square / 72.0 *
-            (1.0 - square / 110.0))));
-    *cosine = 0.5 - square / 24.0 * (1.0 - square / 30.0 * (1.0 - square / 56.0 * (1.0 - square / 90.0 *
-              (1.0 - square / 132.0))));
+    const double s = square;
+    *sine = 1.0 - 1.0 / 6.0 * s * (1.0 - 1.0 / 20.0 * s * (1.0 - 1.0 / 42.0 * s * (1.0 - 1.0 / 72.0 * s *
+            (1.0 - 1.0 / 110.0 * s))));
+    *cosine = 0.5 - 1.0 / 24.0 * s * (1.0 - 1.0 / 30.0 * s * (1.0 - 1.0 / 56.0 * s * (1.0 - 1.0 / 90.0 * s *
+              (1.0 - 1.0 / 132.0 * s))));
 }
 
 /* q <- q turned by a small rotation vector in its own axes. */
