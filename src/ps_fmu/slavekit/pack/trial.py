@@ -138,7 +138,7 @@ class Life:
         variables, abilities = self.description.modelVariables, self.description.coSimulation
         reals = [v for v in variables if v.type == "Real" and v.variability in (None, "continuous")]
         outputs = [v for v in reals if v.causality == "output"]
-        inputs = [v for v in reals if v.causality == "input"]
+        inputs = [v for v in reals if v.causality == "input" and _choose_value(v)[0] > 0.0]
         for known in inputs:
             slave.setReal([known.valueReference], [_choose_value(known)[1]])
         given = [_derive(slave, outputs, known) for known in inputs]
@@ -179,11 +179,11 @@ class Life:
 
 
 def _choose_value(known: Any) -> tuple[float, float]:
-    """Magnitude of an input, and a value within its limits, next to its start, that may change by a part of it."""
+    """Magnitude of an input, 0 where its limits leave none, and a value next to its start that may change by a part."""
     start = float(known.start or 0.0)
     low = -math.inf if known.min is None else float(known.min)
     high = math.inf if known.max is None else float(known.max)
-    size = min(abs(float(known.nominal or 0.0)) or abs(start) or 1.0, high - low) or 1.0
+    size = min(abs(float(known.nominal or 0.0)) or abs(start) or 1.0, high - low)
     return size, min(max(start, low + CHANGES[0] * size), high - CHANGES[0] * size)
 
 
