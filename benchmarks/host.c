@@ -4,11 +4,13 @@
 
    RESOURCES is a URI, STEP is in s.  PARAMETERS are "type:reference:value" with blanks between them and in no value; the
    type is Real, Boolean or String.  INPUTS are "reference:value:slope", all Real: before step k, value + k slope is set.
-   Writes one double for each step: how long fmi2SetReal and fmi2DoStep take together, in us.
+   Writes one double for each step: how long fmi2SetReal and fmi2DoStep take together, in us; then one: how many of all
+   steps were made in Python.
 
    By the clock on the wall, which adds 0.05 us to a step; that of the thread's processor time is a call of the kernel and
    adds 0.4.  So other processes are in it, and of several runs the least time of each step is its own. */
 #include <dlfcn.h>
+#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -22,6 +24,7 @@
     X(SetBoolean) X(SetString)
 #define POINTER(name) static fmi2##name##TYPE *fmi2##name;
 FUNCTIONS(POINTER)
+static fmi2Status (*ps_fmu_steps)(fmi2Component, int64_t *native, int64_t *python);
 
 enum { MOST = 64 };
 
@@ -79,6 +82,7 @@ int main(int argc, char **argv)
         fail(dlerror());
 #define LOAD(name) EXPECT((*(void **)&fmi2##name = dlsym(library, "fmi2" #name)) != NULL);
     FUNCTIONS(LOAD)
+    EXPECT((*(void **)&ps_fmu_steps = dlsym(library, "ps_fmu_steps")) != NULL);
     fmi2Component instance = fmi2Instantiate("host", fmi2CoSimulation, argv[3], argv[2], &callbacks, 0, 1);
     EXPECT(instance != NULL);
     for (const char *text = argv[6]; sscanf(text, " %7[^:]:%u:%1023s%n", type, &parameter, value, &used) == 3; text += used)
@@ -90,7 +94,7 @@ int main(int argc, char **argv)
     EXPECT(fmi2EnterInitializationMode(instance) == fmi2OK);
     EXPECT(fmi2ExitInitializationMode(instance) == fmi2OK);
 
-    double *costs = calloc((size_t)steps, sizeof *costs);
+    double *costs = calloc((size_t)steps + 1, sizeof *costs);
     EXPECT(costs != NULL);
     for (long k = 0; k < steps; k++) {
         for (size_t i = 0; i < n; i++)
@@ -100,7 +104,10 @@ int main(int argc, char **argv)
         EXPECT(fmi2DoStep(instance, (double)k * step, step, fmi2True) == fmi2OK);
         costs[k] = now() - begin;
     }
-    EXPECT(fwrite(costs, sizeof *costs, (size_t)steps, stdout) == (size_t)steps);
+    int64_t native, python;
+    EXPECT(ps_fmu_steps(instance, &native, &python) == fmi2OK && native + python == steps);
+    costs[steps] = (double)python;
+    EXPECT(fwrite(costs, sizeof *costs, (size_t)steps + 1, stdout) == (size_t)steps + 1);
     fflush(stdout);
     _exit(0);
 }

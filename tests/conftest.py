@@ -127,6 +127,33 @@ def make_options(built_fmus, tmp_path):
 
 
 @pytest.fixture
+def steps_in_c(monkeypatch):
+    """No FMU of the runs of a test enters Python in a step; FMU -> steps, counted when an instance is reset or ends."""
+    from ps_fmu.cosim.fmu_instance import FmuInstance
+
+    counted = {}
+
+    def count_before(name):
+        call = getattr(FmuInstance, name)
+        function = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, *2 * [ctypes.POINTER(ctypes.c_int64)])
+
+        def count(instance, *arguments):
+            native, python = ctypes.c_int64(), ctypes.c_int64()
+            assert function(instance.find_address("ps_fmu_steps"))(instance.address, native, python) == 0
+            assert python.value == 0, f"{instance.name}: {python.value} steps in Python"
+            counted[instance.name] = counted.get(instance.name, 0) + native.value
+            return call(instance, *arguments)
+
+        monkeypatch.setattr(FmuInstance, name, count)
+
+    for name in ("reset", "terminate"):
+        count_before(name)
+    yield counted
+    assert len(counted) >= 4
+    assert min(counted.values()) > 0
+
+
+@pytest.fixture
 def ssv(tmp_path):
     """Writes ``component.parameter`` -> value into a parameter file, a line each from line 4 on; returns its path."""
 

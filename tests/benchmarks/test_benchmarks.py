@@ -43,6 +43,8 @@ def test_every_figure_is_there(script, built_fmus, tmp_path):
     assert all(math.isfinite(number) for number in list_numbers(found))
     if script == "start":
         expect_nothing_left(found["growth"])
+    if script == "real_time":
+        assert [row["in Python"] for row in found["us"].values()] == [0.0, 0.0]
 
 
 def expect_nothing_left(growth):
@@ -79,8 +81,8 @@ def test_the_page_has_what_was_measured(monkeypatch):
     record = json.loads(RECORD.read_text())
     assert record.keys() <= SECTIONS.keys() == SCRIPTS.keys()
     assert make_page(record) == PAGE.read_text(), "make it again: .venv/bin/python docs/write_speed.py"
-    record["step_cost"]["found"]["ours_to_c_fmus"] = 1.25
-    assert "| step_cost | steps of our FMUs over C FMUs | 1.25 | at most 1 | missed |" in make_page(record)
+    record["real_time"]["found"]["us"]["plant"]["mean"] = 1.25
+    assert "| real_time | us per step of an FMU in steady motion | 1.25 | at most 1 | missed |" in make_page(record)
 
 
 def test_impossible_number_of_rounds():

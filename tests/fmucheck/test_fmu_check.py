@@ -56,6 +56,7 @@ def test_our_fmus_pass_everything(built_fmus, capsys, rows, monkeypatch):
     assert {line.partition(" ok, ")[2] for line in counts} == {"1 not run"}  # fmutool: tests/fmus
     for check in (f"{host}: {stage}" for stage in LIFE for host in ("FMPy", "C host")):
         assert text.count(f"  {check} ") == len(fmus)
+    assert text.count("  FMPy: derivatives ") == 5  # plant, isolator, pointing, coils, accelerometers
 
 
 def test_a_plain_pythonfmu_fmu_runs_but_is_not_described_well(toys, rows):

@@ -118,6 +118,24 @@ def test_a_mistake_is_found_in_its_stage(fault, stage, words, tank):
     assert list(found) == (STAGES if stage == "host unchanged" else STAGES[: STAGES.index(stage) + 1])
 
 
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [
+        ("{right}", ""),
+        ("{not provided}", ""),
+        ("{derivative}", "the derivative of level by inflow is 0.125; expected "),
+        ("{no number}", "the derivative of level by inflow is nan; expected a finite number"),
+        ("{refused}", "fmi2GetDirectionalDerivative of level by inflow answers status 3; expected 0 (fmi2OK), or 2"),
+    ],
+)
+def test_directional_derivatives_are_compared_with_differences(fault, words, tank):
+    claims = 'providesDirectionalDerivative="true" canHandleVariableCommunicationStepSize="true" canSerializeFMUstate'
+    found = dict(stages.live_in_fmpy(tank(fault, changes=(("canSerializeFMUstate", claims),)), "whole"))
+    problem = found["derivatives"]
+    assert words in problem
+    assert bool(problem) == bool(words) == ("end of the process" not in found)
+
+
 def test_messages_of_the_fmu_are_repeated(tank):
     problem = c_host(tank("{slashes}"))["resources at file:/"]
     assert "third, status 3, logStatusError: 100 % of URIs have three slashes: file:/" in problem

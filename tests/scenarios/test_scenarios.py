@@ -59,7 +59,7 @@ def check_files(options, groups, rows):
     return page
 
 
-def test_isolation(make_options, capsys):
+def test_isolation(make_options, capsys, steps_in_c):
     options = make_options("isolation", 0.2, step_s=2e-4, seed=3, figures=True)
     summary = run(options)
     page = check_files(options, ["passive", "active"], 201)
@@ -237,7 +237,7 @@ def test_period_of_the_disturbance(duration, period):
 QUICK_SLEW = {"commander.target.roll": math.radians(0.5), "plant.relinearisation_distance": 1e-3}
 
 
-def test_momentum_says_how_the_bus_turns_by_a_slew(make_options, ssv, capsys):
+def test_momentum_says_how_the_bus_turns_by_a_slew(make_options, ssv, capsys, steps_in_c):
     """What cannot be on target is a finding; its closed form is what the FMUs do.  Requirements alone have verdicts."""
     half_a_degree = {"commander.target.roll": math.radians(0.5)}
     options = make_options("slew", 73.0, step_s=2e-3, parameters=(ssv(half_a_degree),))

@@ -354,7 +354,7 @@ def test_slew(make_options, ssv):
         assert found["difference_percent"] == pytest.approx(off, rel=1e-9)
 
 
-def test_pointing(make_options, ssv, capsys, monkeypatch):
+def test_pointing(make_options, ssv, capsys, monkeypatch, steps_in_c):
     monkeypatch.setattr(pointing_scenario, "measure_loop", lambda *args: {})  # tests/system/test_line_of_sight.py
     step, duration_s = 1e-2, 33.0
     given = ssv({"commander.target.roll": 0.005, "commander.target.pitch": -0.004, "commander.min_duration": 3.0})

@@ -337,7 +337,7 @@ def test_the_scenario(make_options, ssv, capsys):
     assert page.index("Worst crossing, passive") < page.index("Jitter of the payload")
 
 
-def test_the_product_has_profiles_for_it(make_options):
+def test_the_product_has_profiles_for_it(make_options, steps_in_c):
     """Constant speed and a zero crossing, as the parameter files say."""
     folder = find_product().system / "parameters"
     constant = run(make_options("wheels", 0.1, step_s=2e-4, parameters=(folder / "wheels_constant.ssv",)))

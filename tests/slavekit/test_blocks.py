@@ -111,8 +111,8 @@ def test_a_map_that_is_not_finite_takes_back_the_others(way, first, second):
 # --- Models -----------------------------------------------------------------------------
 
 
-class Split(Slave):
-    """x <- 0.5 x + u; y = 3 x + u: as one matrix, and split."""
+class Model(Slave):
+    """y = 1.5 x + 4 u; x <- 0.5 x + u."""
 
     ports = (Port("y", "output"), Port("u", "input"), Port("fault", "parameter"))
     n_states = 1
@@ -121,48 +121,30 @@ class Split(Slave):
         self.y[:] = self.x[:] = 0.0
 
     def step_map(self, h):
-        return np.array([[1.5, 4.0], [0.5, 1.0]])
-
-    def split_map(self, h):
-        states, outputs = np.array([[0.5, 1.0]]), np.array([[3.0, 1.0]])
+        whole = np.array([[1.5, 4.0], [0.5, 1.0]])
         match self.value("fault"):
             case 1.0:
-                outputs = np.ones((2, 2))
+                return whole[:1]
             case 2.0:
-                states = np.full((1, 2), 1e308)
-        return states, outputs
+                whole[1] = 1e308
+        return whole
 
 
-class Whole(Split):
-    def split_map(self, h):
-        return None
-
-
-def begin(model: type[Slave], fault: float = 0.0) -> Slave:
-    slave = model(instance_name="m")
+def begin(fault: float = 0.0) -> Slave:
+    slave = Model(instance_name="m")
     slave.set_real([slave.layout.reference["fault"]], [fault])
     start_stepping(slave)
     slave.set_real([slave.layout.reference["u"]], [8.0])
     return slave
 
 
-def test_a_split_map_makes_the_same_step():
-    split, whole = begin(Split), begin(Whole)
-    for k in range(5):
-        for slave in (split, whole):
-            slave.do_step(0.1 * k, 0.1)
-        assert split.y.tolist() == whole.y.tolist()
-        assert split.x.tolist() == whole.x.tolist()
-    assert split.y[0] == 3.0 * split.x[0] + 8.0
-
-
-def test_a_split_map_of_the_wrong_shape_is_named():
-    with pytest.raises(ValueError, match=r"Split\.split_map \(outputs\) is of shape \(2, 2\); expected \(1, 2\)"):
-        begin(Split, fault=1.0).do_step(0.0, 0.1)
+def test_a_map_of_the_wrong_shape_is_named():
+    with pytest.raises(ValueError, match=r"Model\.step_map is of shape \(1, 2\); expected \(2, 2\)"):
+        begin(fault=1.0).do_step(0.0, 0.1)
 
 
 def test_a_state_that_is_not_finite_is_named():
-    slave = begin(Split, fault=2.0)
+    slave = begin(fault=2.0)
     with pytest.raises(Exception, match="not finite: state 0; largest operand 8"):
         slave.do_step(0.0, 0.1)
     assert (slave.y.tolist(), slave.x.tolist()) == ([0.0], [0.0])

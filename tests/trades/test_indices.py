@@ -55,7 +55,7 @@ def test_all_indices_are_within_what_their_spectra_allow(found):
     assert min(widths) < 0.1  # the fastest are known to some percent, so that 10 % more disturbance would be seen
 
 
-def test_a_system_of_ones_own(built_fmus, tmp_path, ssv):
+def test_a_system_of_ones_own(built_fmus, tmp_path, ssv, steps_in_c):
     """At the target of its commander: a lighter payload on all eight FMUs, with accelerometers, coils and loop."""
     own = ssv({"plant.payload.mass": 12.0, "commander.target.pitch": -0.05, "isolator.filters.highpass_frequency": 0.1})
     options = AnalysisOptions(

@@ -1,5 +1,6 @@
 /* An FMU in C, as other makers' are: a tank that fills.  Its GUID chooses a mistake; "{right}" is without. */
 #include <fenv.h>
+#include <math.h>
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -244,6 +245,8 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReferenc
                                         const fmi2ValueReference knowns[], size_t n_knowns, const fmi2Real seeds[],
                                         fmi2Real values[])
 {
-    return (void)c, (void)unknowns, (void)n_unknowns, (void)knowns, (void)n_knowns, (void)seeds, (void)values,
-           fmi2Error;
+    (void)unknowns, (void)knowns, (void)n_knowns, (void)seeds;
+    for (size_t k = 0; k < n_unknowns; k++) /* a tank takes its time to fill */
+        values[k] = has(c, "{derivative}") ? 0.125 : has(c, "{no number}") ? nan("") : 0.0;
+    return has(c, "{refused}") ? fmi2Error : has(c, "{not provided}") ? fmi2Discard : fmi2OK;
 }

@@ -112,14 +112,6 @@ class Model(Fmi2Slave):
         """
         raise NotImplementedError(f"{type(self).__name__} has no step_map")
 
-    def split_map(self, h: float) -> tuple[Array, Array] | None:
-        """Return the same step as two matrices with more zeros, which cost no time; None: ``step_map`` is used.
-
-        First x <- states @ [x; u; a], then y <- outputs @ [x; u; a] from the new x.  Shapes as the parts of
-        ``step_map``.  Asked for in its place, and with it equal but for rounding.
-        """
-        return None
-
     def before_map(self, h: float) -> Sequence[Element]:
         """Return the elements of a step of size h, s, before the map, in this order; see :mod:`.elements`.
 

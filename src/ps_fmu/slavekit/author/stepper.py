@@ -270,14 +270,8 @@ class Stepper(Values):
         return self._maps[-1]
 
     def _make_maps(self, h: float) -> tuple[Map, ...]:
-        split = self.split_map(h)
-        if split is None:
-            matrix = self.step_map(h)
-            return () if matrix is None else (self._make_map("step_map", matrix, self._target),)
-        return (
-            self._make_map("split_map (states)", split[0], self.x),
-            self._make_map("split_map (outputs)", split[1], self.y),
-        )
+        matrix = self.step_map(h)
+        return () if matrix is None else (self._make_map("step_map", matrix, self._target),)
 
     def _make_continuous_maps(self, matrices: Matrices) -> tuple[tuple[Map, ...], list[Element]]:
         """The maps of states and outputs, and the element that renews the first for another size of steps."""

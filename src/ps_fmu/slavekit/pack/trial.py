@@ -18,6 +18,14 @@ from typing import Any
 STEPS = 10
 STATES = "get and set state", "serialise state"
 """Stages that fail where states are not what the FMU claims."""
+SHORT = 1e-3
+"""A short step for differences, over the default step."""
+CHANGES = 1e-3, 5e-4
+"""Changes of an input, over its magnitude."""
+ALIKE, WRONG = 1e-3, 1e-2
+"""Differences by these changes that agree, and a derivative that is wrong: over the size of the difference."""
+ROUNDING = 1e-9
+"""A derivative that may be rounding alone, over the largest of all."""
 
 
 class Life:
@@ -122,6 +130,95 @@ class Life:
         slave.freeFMUstate(state)
         assert again == expected, f"steps from the same state give other outputs: {_show_first(again, expected)}"
 
+    def compare_derivatives(self, slave: Any, first: int) -> None:
+        """Directional derivatives of Real outputs by each Real input: status, finite, and against central differences.
+
+        Differences need the FMU's states and steps of any size.  A derivative that is discarded is not provided.
+        """
+        variables, abilities = self.description.modelVariables, self.description.coSimulation
+        reals = [v for v in variables if v.type == "Real" and v.variability in (None, "continuous")]
+        outputs = [v for v in reals if v.causality == "output"]
+        inputs = [v for v in reals if v.causality == "input" and _choose_value(v)[0] > 0.0]
+        for known in inputs:
+            slave.setReal([known.valueReference], [_choose_value(known)[1]])
+        given = [_derive(slave, outputs, known) for known in inputs]
+        if not (abilities.canGetAndSetFMUstate and abilities.canHandleVariableCommunicationStepSize):
+            return
+        largest = max((abs(value) for values in given for value in values if value is not None), default=0.0)
+        for known, values in zip(inputs, given, strict=True):
+            size = _choose_value(known)[0]
+            differences = [self._find_differences(slave, first, outputs, known, c * size) for c in CHANGES]
+            for output, value, one, two in zip(outputs, values, *differences, strict=True):
+                _expect_near(f"the derivative of {output.name} by {known.name}", value, one, two, largest)
+
+    def _find_differences(
+        self, slave: Any, first: int, outputs: list[Any], known: Any, change: float
+    ) -> list[tuple[float, float]]:
+        """Central differences of each output by an input, over its change: in a step of no time, and in a usual step.
+
+        The first is extrapolated from two short steps.  NaN: the FMU refuses such a step or value.
+        """
+        from fmpy.fmi1 import FMICallException
+
+        value, time = _choose_value(known)[1], self.start + first * self.step
+        references, found = [v.valueReference for v in outputs], []
+        state = slave.getFMUstate()
+        for step in (SHORT * self.step, 2.0 * SHORT * self.step, self.step):
+            ends = []
+            for end in (value - change, value + change):
+                try:
+                    slave.setReal([known.valueReference], [end])
+                    slave.doStep(time, step)
+                    ends.append(slave.getReal(references))
+                except FMICallException:
+                    ends.append([math.nan] * len(outputs))
+                slave.setFMUstate(state)
+            found.append([(high - low) / (2.0 * change) for low, high in zip(*ends, strict=True)])
+        slave.freeFMUstate(state)
+        return [(2.0 * one - two, usual) for one, two, usual in zip(*found, strict=True)]
+
+
+def _choose_value(known: Any) -> tuple[float, float]:
+    """Magnitude of an input, 0 where its limits leave none, and a value next to its start that may change by a part."""
+    start = float(known.start or 0.0)
+    low = -math.inf if known.min is None else float(known.min)
+    high = math.inf if known.max is None else float(known.max)
+    size = min(abs(float(known.nominal or 0.0)) or abs(start) or 1.0, high - low)
+    return size, min(max(start, low + CHANGES[0] * size), high - CHANGES[0] * size)
+
+
+def _derive(slave: Any, outputs: list[Any], known: Any) -> list[float | None]:
+    """Derivatives of the outputs by an input; None: the FMU does not provide this one."""
+    from fmpy.fmi1 import FMICallException
+    from fmpy.fmi2 import fmi2Discard
+
+    given: list[float | None] = []
+    for output in outputs:
+        try:
+            (value,) = slave.getDirectionalDerivative([output.valueReference], [known.valueReference], [1.0])
+        except FMICallException as error:
+            assert error.status == fmi2Discard, (
+                f"fmi2GetDirectionalDerivative of {output.name} by {known.name} answers status {error.status}; "
+                f"expected 0 (fmi2OK), or {fmi2Discard} (fmi2Discard) where this derivative is not provided"
+            )
+            value = None
+        assert value is None or math.isfinite(value), (
+            f"the derivative of {output.name} by {known.name} is {value!r}; expected a finite number"
+        )
+        given.append(value)
+    return given
+
+
+def _expect_near(
+    what: str, value: float | None, one: tuple[float, float], two: tuple[float, float], largest: float
+) -> None:
+    """Compare a derivative with differences by two changes if these agree: there the output is differentiable."""
+    scale = max(abs(one[0]), WRONG * abs(one[1]))
+    if value is not None and abs(one[0] - two[0]) <= ALIKE * scale:
+        assert abs(value - one[0]) <= WRONG * scale + ROUNDING * largest, (
+            f"{what} is {value:.9g}; expected {one[0]:.9g}, which central differences over short steps give"
+        )
+
 
 def live_briefly(fmu: Path, folder: Path, stage: Callable[[str], Any]) -> None:
     """Twice, from two folders of which the first is gone when the second is used."""
@@ -158,6 +255,9 @@ def live_wholly(fmu: Path, folder: Path, stage: Callable[[str], Any]) -> None:
     with stage("steps"):
         expected = life.make_steps(slave)
     life.repeat_from_states(slave, STEPS, stage)
+    if life.description.coSimulation.providesDirectionalDerivative:
+        with stage("derivatives"):
+            life.compare_derivatives(slave, STEPS)
     with stage("reset"):
         slave.reset()
         again = life.initialise(slave)
