@@ -65,12 +65,18 @@ static Model *find_model(Plant *p, const Centre *centre)
     return model_make(p, model, centre, INT64_MAX) == MODEL_READY ? model : NULL;
 }
 
+/* Parts of the next model that are to be made; all, where a state was made up. */
+static int64_t count_wanted(double parts)
+{
+    return parts >= 0.0 && parts < 1e9 ? (int64_t)parts : INT64_MAX;
+}
+
 /* A part of the next model, in the place that the present one leaves. */
 static bool work_ahead(Plant *p, const Model *present, Memory *w)
 {
     Model *model = present == p->models ? p->models + 1 : p->models;
     w->parts += 1.0;
-    const int64_t found = model_make(p, model, &w->next, (int64_t)w->parts);
+    const int64_t found = model_make(p, model, &w->next, count_wanted(w->parts));
     if (found == MODEL_FAILED)
         return false;
     if (found == MODEL_READY) {
@@ -287,6 +293,8 @@ static int rest(Plant *p, Memory *kept, const Model *model, const double *input,
 {
     const int64_t n_x = count_states(p);
     double *given = p->operand + n_x;
+    if (model->centre.rest == 0.0) /* a state that was made up: there is no map */
+        return REST_LEFT;
     memcpy(p->operand, x, sizeof *x * (size_t)n_x);
     memcpy(given, input, sizeof *given * MECHANISM_INPUTS);
     given[MECHANISM_INPUTS] = 1.0;
@@ -341,7 +349,7 @@ static bool move(Plant *p, Memory *w, double step, double *input, const double *
         Model *model = p->models + (memcmp(&p->models[0].centre, &w->next, sizeof w->next) == 0 ? 0 : 1);
         if (memcmp(w->next.coarse, command, sizeof w->next.coarse) != 0)
             w->parts = 0.0;
-        else if (model_make(p, model, &w->next, (int64_t)w->parts) == MODEL_READY) {
+        else if (model_make(p, model, &w->next, count_wanted(w->parts)) == MODEL_READY) {
             if (!has_left(p, &w->next, x, w->last, 1.0))
                 return begin_rest(p, model, w, x);
             w->parts = 0.0;
@@ -383,7 +391,7 @@ static void warn(const Plant *p, Core *core, Memory *kept, const double *u)
         write_message(core, MESSAGE_WARNING, "coarse_command_%d: %.6g m is outside the stroke [%.6g, %.6g] m; held at its end",
                       worst + 1, u[COMMAND + worst], p->low, p->high);
     memcpy(kept->excess, excess, sizeof excess);
-    if (unused != 0 && unused != (int)kept->unused) {
+    if (unused != 0 && (double)unused != kept->unused) {
         char names[160] = "";
         for (int k = 0; k < 3; k++)
             if (unused & 1 << k) {
