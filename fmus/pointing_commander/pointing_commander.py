@@ -10,7 +10,7 @@ import numpy as np
 
 from ps_fmu.control.commander import N_MEMORY, Commander, CommanderWords
 from ps_fmu.interface.ports import make_parameter_ports, refuse_parameters
-from ps_fmu.mechanism.inverse_kinematics import inverse_kinematics
+from ps_fmu.mechanism.inverse_kinematics import inverse_kinematics, why_unreachable
 from ps_fmu.mechanism.kinematics import KinematicsError
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.mechanism.quantities import check_number, take_values
@@ -100,8 +100,10 @@ class PointingCommander(Slave):
         commander = take_values(DEFAULT, values)
         resolution = check_number(values["command_resolution"], "command_resolution", at_least=0.0)
         try:
-            inverse_kinematics(commander.geometry, np.zeros(3), commander.method)
+            nominal = inverse_kinematics(commander.geometry, np.zeros(3), commander.method)
         except KinematicsError as error:
             raise ModelError(f"algorithm_1.mu: {error}") from None
+        if not nominal.solved:
+            raise ModelError(f"geometry: no nominal pose: {why_unreachable(commander.geometry, nominal)}")
         target, memory, outputs = (int(self.places(view)[0]) for view in (self.view("target"), self.memory, self.y))
         return commander.pack(resolution, target=target, memory=memory, outputs=outputs)

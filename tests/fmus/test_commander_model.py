@@ -230,6 +230,11 @@ def test_unreachable_initial_target_starts_at_the_nominal_pose():
     assert host.flag("reachable") and host.flag("moving")
 
 
+def test_legs_without_a_nominal_pose_are_refused():
+    with pytest.raises(ModelError, match=r"geometry: no nominal pose: the three spheres of the fine legs"):
+        Host("pointing_commander", fine_leg_1__base_joint__z=1e9).run_mode()
+
+
 @pytest.mark.parametrize("value", [np.nan, np.inf])
 def test_target_that_is_not_finite_is_refused_and_named(value):
     host = commander((1.0, 0.0, 0.0))

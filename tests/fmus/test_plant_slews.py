@@ -11,7 +11,7 @@ from support.twins import InFmpy
 
 from ps_fmu.mechanism.compiled import N_MOVING_INPUTS
 from ps_fmu.mechanism.rotations import from_rotation_vector, multiply
-from ps_fmu.mechanism.signals import output_slices
+from ps_fmu.mechanism.signals import N_OUTPUTS, output_slices
 from ps_fmu.mechanism.stepping import Memory
 from ps_fmu.slavekit.author.slave import ModelError, Refused
 
@@ -247,6 +247,37 @@ def test_a_state_in_a_slew_goes_on_with_the_same_bits(steps):
         each.slave.view("coarse_command")[:] = 0.5 * FAST.command
         each.step(FINE_STEP, 300)
     np.testing.assert_array_equal(other.slave._buffer.data, host.slave._buffer.data)
+
+
+@pytest.mark.parametrize(("name", "value"), [("parts", 1e300), ("parts", -1e19), ("unused", 1e300)])
+def test_a_made_up_state_in_a_slew_goes_on_to_the_same_place(name, value):
+    """The next linear model is finished, whatever number of its parts the state states."""
+    found = []
+    for made_up in (False, True):
+        host = Host("manipulator_plant").run_mode()
+        host.set(coarse_command_1=4e-3)
+        while kept(host.slave).parts == 0.0:
+            host.step(1e-3)
+        if made_up:
+            setattr(kept(host.slave), name, value)
+            host.restore(host.save(), host.count)
+        host.step(1e-3, 600)
+        assert kept(host.slave).parts < 1e3
+        found.append(host.slave.y[:N_OUTPUTS].copy())
+    np.testing.assert_allclose(found[1], found[0], rtol=0.0, atol=1e-7)
+
+
+def test_a_made_up_state_of_rest_without_a_map_moves_on():
+    used, new = (Host("manipulator_plant", base_torque__x=1.0).run_mode() for _ in range(2))
+    used.step(1e-3, 20)
+    kept(used.slave).present.rest = 0.0
+    new.restore(used.save(), used.count)
+    kept(used.slave).present.rest = 1.0
+    for host in (used, new):
+        host.step(1e-3, 20)
+    turned = PLACE["base_rotation"]
+    assert np.abs(used.slave.y[turned]).max() > 5e-8
+    np.testing.assert_allclose(new.slave.y[turned], used.slave.y[turned], rtol=1e-4, atol=1e-12)
 
 
 def move(case, steps):

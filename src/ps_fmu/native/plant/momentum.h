@@ -124,34 +124,28 @@ static void find_locked(const Plant *p, const Point *point, double locked[10])
 
 /* --- A base that the host moves --------------------------------------------------------------------------------- */
 
-/* Where the momentum relative to the base is taken at another place, the impulse promised so far is to it. */
-static void keep_promise(const Plant *p, Memory *w, const Place *before, const Place *after, const double *x)
-{
-    const double still[3] = {0.0};
-    double one[6], other[6];
-    mechanism_find_relative_momentum(p->mechanism, before, x, still, one);
-    mechanism_find_relative_momentum(p->mechanism, after, x, still, other);
-    for (int k = 0; k < 6; k++)
-        w->promised[k] += one[k] - other[k];
-}
-
-/* Relative momentum; and momentum of legs and payload, locked, while the base turns. */
+/* Relative momentum; and momentum of legs and payload as the host has them, locked, while the base turns. */
 typedef struct {
     double relative[6], locked[6];
 } Carried;
 
-static void find_carried(const Plant *p, const Place *place, const double *x, const double turn[3], Carried *found)
+static void find_carried(const Plant *p, const Place *place, const double *x, const double locked[10], const double turn[3],
+                         Carried *found)
 {
-    const double still[3] = {0.0}, none[MECHANISM_STATES] = {0.0};
+    const double still[3] = {0.0}, *I = locked + 4;
     mechanism_find_relative_momentum(p->mechanism, place, x, still, found->relative);
-    memset(found->locked, 0, sizeof found->locked);
-    if (largest(turn, NULL, 3) != 0.0)
-        mechanism_find_relative_momentum(p->mechanism, place, none, turn, found->locked);
+    cross(turn, locked + 1, found->locked);
+    for (int k = 0; k < 3; k++)
+        found->locked[k] *= locked[0];
+    found->locked[3] = I[0] * turn[0] + I[1] * turn[1] + I[2] * turn[2];
+    found->locked[4] = I[1] * turn[0] + I[3] * turn[1] + I[4] * turn[2];
+    found->locked[5] = I[2] * turn[0] + I[4] * turn[1] + I[5] * turn[2];
 }
 
 /* What the base feels over the next step: mean of W = w_p - dP/dt - w x P - dL/dt, with the wrench w_p on the payload,
    the relative momentum P, and L that of the locked mass, whose own forces the host has.  The impulse that is promised
-   leads to the momentum at the end of the next step, as expected; what was promised before is taken back. */
+   leads to the momentum at the end of the next step, as expected; what was promised before is taken back.  So the sum of
+   all impulses is what the mechanism has taken, wherever its momentum was linear about a place and is not any more. */
 static void react(Memory *w, const Carried *start, const Carried *now, const Carried *next, const double *input,
                   const Place *place, const double turn[3], double h, double *reaction)
 {

@@ -9,7 +9,7 @@
 static const double FAR = 2e-3;
 
 /* Longest time over which the references of the servos go to a new command, s. */
-static const double RAMP = 1e-2;
+static const double RAMP = 0.1;
 
 /* Inner steps between two looks at the momentum. */
 enum { BALANCE_EVERY = 4 };
@@ -44,12 +44,18 @@ static Model *find_model(Plant *p, const Centre *centre)
     return model_make(p, model, centre, INT64_MAX) == MODEL_READY ? model : NULL;
 }
 
+/* Parts of the next model that are to be made; all, where a state was made up. */
+static int64_t count_wanted(double parts)
+{
+    return parts >= 0.0 && parts < 1e9 ? (int64_t)parts : INT64_MAX;
+}
+
 /* A part of the next model, in the place that the present one leaves. */
 static bool work_ahead(Plant *p, const Model *present, Memory *w)
 {
     Model *model = present == p->models ? p->models + 1 : p->models;
     w->parts += 1.0;
-    const int64_t found = model_make(p, model, &w->next, (int64_t)w->parts);
+    const int64_t found = model_make(p, model, &w->next, count_wanted(w->parts));
     if (found == MODEL_FAILED)
         return false;
     if (found == MODEL_READY) {

@@ -80,10 +80,8 @@ static bool begin_motion(Plant *p, Memory *w, const double *x)
     w->moving = MOVES;
     w->parts = w->step_before = w->countdown = 0.0;
     memset(w->lead, 0, sizeof w->lead);
-    if (p->prescribed) {
-        keep_promise(p, w, &model->place, &w->place, x);
+    if (p->prescribed)
         return true;
-    }
     if (!evaluate(p, &w->place, x, w->input) || !find_linear_momentum(p, model, x, now))
         return false;
     for (int k = 0; k < 6; k++)
@@ -112,11 +110,7 @@ static bool begin_rest(Plant *p, const Model *model, Memory *w, double *x)
     w->parts = 0.0;
     w->present = model->centre;
     find_locked(p, &p->point, w->locked);
-    if (p->prescribed) {
-        keep_promise(p, w, &w->place, &model->place, x);
-        return true;
-    }
-    return find_linear_momentum(p, model, x, w->at_rest);
+    return p->prescribed || find_linear_momentum(p, model, x, w->at_rest);
 }
 
 /* A step at rest: x and y are written if it is done.  It is not done where it is long and leaves rest. */
@@ -126,6 +120,8 @@ static int rest(Plant *p, Memory *kept, const Model *model, const double *input,
 {
     const int64_t n_x = count_states(p);
     double *given = p->operand + n_x;
+    if (model->centre.rest == 0.0) /* a state that was made up: there is no map */
+        return REST_LEFT;
     memcpy(p->operand, x, sizeof *x * (size_t)n_x);
     memcpy(given, input, sizeof *given * MECHANISM_INPUTS);
     given[MECHANISM_INPUTS] = 1.0;
@@ -165,7 +161,7 @@ static bool move(Plant *p, Memory *w, double step, double *input, const double *
         Model *model = p->models + (memcmp(&p->models[0].centre, &w->next, sizeof w->next) == 0 ? 0 : 1);
         if (memcmp(w->next.coarse, command, sizeof w->next.coarse) != 0)
             w->parts = 0.0;
-        else if (model_make(p, model, &w->next, (int64_t)w->parts) == MODEL_READY) {
+        else if (model_make(p, model, &w->next, count_wanted(w->parts)) == MODEL_READY) {
             if (!has_left(p, &w->next, x, w->last, 1.0))
                 return begin_rest(p, model, w, x);
             w->parts = 0.0;
@@ -207,7 +203,7 @@ static void warn(const Plant *p, Core *core, Memory *kept, const double *u)
         write_message(core, MESSAGE_WARNING, "coarse_command_%d: %.6g m is outside the stroke [%.6g, %.6g] m; held at its end",
                       worst + 1, u[COMMAND + worst], p->low, p->high);
     memcpy(kept->excess, excess, sizeof excess);
-    if (unused != 0 && unused != (int)kept->unused) {
+    if (unused != 0 && (double)unused != kept->unused) {
         char names[160] = "";
         for (int k = 0; k < 3; k++)
             if (unused & 1 << k) {
@@ -230,53 +226,62 @@ static bool rest_on(Plant *p, const Model *model, const double *x, double *next)
     return true;
 }
 
+/* A step in motion on a base that the host moves, and the reaction: the next step is expected with the same inputs. */
+static bool move_carried(Plant *p, Memory *w, double step, double *input, const double *command, const double *turn,
+                         Carried *start, double *x, double *y)
+{
+    double next[MECHANISM_STATES], locked[10];
+    Carried now, after;
+    if (!move(p, w, step, input, command, x, y))
+        return false;
+    Memory expected = *w;
+    memcpy(next, x, sizeof *x * (size_t)count_states(p));
+    find_locked(p, &p->point, w->locked);
+    find_carried(p, &w->place, x, w->locked, turn, &now);
+    if (!move_through(p, &expected, step, input, command, next, false))
+        return false;
+    find_locked(p, &p->point, locked);
+    find_carried(p, &expected.place, next, locked, turn, &after);
+    react(w, start, &now, &after, input, &w->place, turn, step, y + MECHANISM_OUTPUTS);
+    return true;
+}
+
 /* A step from w and x to w, x and y; false: refused. */
 static bool take_step(Plant *p, Memory *w, double step, double *input, const double *command, const double *turn, double *x,
                       double *y)
 {
-    const int64_t n = count_coordinates(p), n_x = count_states(p);
     double next[MECHANISM_STATES];
     Carried start, now, after;
-    if (p->prescribed)
-        memcpy(x + n + TURN, turn, 3 * sizeof *x);
-    if (p->prescribed && w->moving == RESTS) {
-        Centre centre = w->present;
-        centre.step = step;
-        const Model *model = find_model(p, &centre);
-        if (model == NULL)
-            return false;
-        find_carried(p, &model->place, x, turn, &start);
-        const int done = rest(p, w, model, input, x, y);
-        if (done == REST_DONE) {
-            find_carried(p, &model->place, x, turn, &now);
-            if (!rest_on(p, model, x, next))
+    if (p->prescribed) {
+        memcpy(x + count_coordinates(p) + TURN, turn, 3 * sizeof *x);
+        if (w->moving == MOVES)
+            find_carried(p, &w->place, x, w->locked, turn, &start);
+        else {
+            Centre centre = w->present;
+            centre.step = step;
+            const Model *model = find_model(p, &centre);
+            if (model == NULL)
                 return false;
-            find_carried(p, &model->place, next, turn, &after);
-            react(w, &start, &now, &after, input, &model->place, turn, step, y + MECHANISM_OUTPUTS);
+            find_carried(p, &model->place, x, w->locked, turn, &start);
+            const int done = w->moving == RESTS ? rest(p, w, model, input, x, y) : REST_LEFT;
+            if (done == REST_DONE) {
+                find_carried(p, &model->place, x, w->locked, turn, &now);
+                if (!rest_on(p, model, x, next))
+                    return false;
+                find_carried(p, &model->place, next, w->locked, turn, &after);
+                react(w, &start, &now, &after, input, &model->place, turn, step, y + MECHANISM_OUTPUTS);
+            }
+            if (done != REST_LEFT)
+                return done == REST_DONE;
         }
-        if (done != REST_LEFT)
-            return done == REST_DONE;
     }
     if (w->moving != MOVES) {
         w->present.step = step;
         if (!begin_motion(p, w, x))
             return false;
     }
-    if (p->prescribed)
-        find_carried(p, &w->place, x, turn, &start);
-    if (!move(p, w, step, input, command, x, y))
-        return false;
-    if (p->prescribed) {
-        Memory expected = *w;
-        memcpy(next, x, sizeof *x * (size_t)n_x);
-        find_locked(p, &p->point, w->locked);
-        find_carried(p, &w->place, x, turn, &now);
-        if (!move_through(p, &expected, step, input, command, next, false))
-            return false;
-        find_carried(p, &expected.place, next, turn, &after);
-        react(w, &start, &now, &after, input, &w->place, turn, step, y + MECHANISM_OUTPUTS);
-    }
-    return true;
+    return p->prescribed ? move_carried(p, w, step, input, command, turn, &start, x, y)
+                         : move(p, w, step, input, command, x, y);
 }
 
 int64_t plant_step(void *arguments, Core *core)
