@@ -9,7 +9,7 @@
 static const double FAR = 2e-3;
 
 /* Longest time over which the references of the servos go to a new command, s. */
-static const double RAMP = 0.1;
+static const double RAMP = 2e-2;
 
 /* Inner steps between two looks at the momentum. */
 enum { BALANCE_EVERY = 4 };
