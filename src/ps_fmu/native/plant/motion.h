@@ -8,8 +8,9 @@
 /* Farthest from a linear model that the legs go before another one is made, m. */
 static const double FAR = 2e-3;
 
-/* Longest time over which the references of the servos go to a new command, s. */
-static const double RAMP = 2e-2;
+/* The references of the servos go to a new command over the step, if it is no longer than this, s: commands that a
+   host samples give no jerks.  In longer steps they are there sooner, so that the motion is that of short steps. */
+static const double LONGEST_RAMP = 2e-2, SHORT_RAMP = 1e-2;
 
 /* Inner steps between two looks at the momentum. */
 enum { BALANCE_EVERY = 4 };
@@ -182,7 +183,7 @@ static void find_reference_rates(const Plant *p, const double *command, const do
 /* All inner steps of a step; `ahead`: with the work on the next model. */
 static bool move_through(Plant *p, Memory *w, double step, double *input, const double *command, double *x, bool ahead)
 {
-    const int64_t parts = count_parts(step, INNER_STEP), ramps = count_parts(step, RAMP), r = count_states(p) - 3;
+    const int64_t parts = count_parts(step, INNER_STEP), ramps = step <= LONGEST_RAMP ? 1 : count_parts(step, SHORT_RAMP), r = count_states(p) - 3;
     if (parts == MOST_PARTS)
         return false;
     for (int64_t k = 0; k < parts; k++) {
