@@ -5,7 +5,8 @@ import pytest
 from support.hub import Hub, LockedMass, cube, fly, push
 from support.models import Host
 
-from ps_fmu.slavekit.author.slave import ModelError
+from ps_fmu.mechanism.stepping import Memory
+from ps_fmu.slavekit.author.slave import ModelError, Refused
 
 RIGID = {f"bus__mode_{i}__frequency": 0.0 for i in range(1, 7)}
 BUS = cube(60.0)
@@ -77,6 +78,22 @@ def test_a_hub_that_turns_carries_the_mechanism_as_the_own_bus_does() -> None:
     assert np.ptp(truth[:, :6], axis=0).min() > 5e-4
     assert np.abs(found - truth)[:, :6].max() < 1e-6  # rad
     assert np.abs(found - truth)[:, 6:].max() < 0.002 * np.ptp(truth[:, 6:])
+
+
+def test_the_platform_keeps_a_rotation_on_a_base_that_is_shaken_violently() -> None:
+    """A step that would turn it by more than its small-angle series hold is refused, and changes nothing."""
+    host, rng, done = Host("manipulator_plant", base="prescribed", **RIGID).run_mode(), np.random.default_rng(1), []
+    host.set(coarse_command_1=4e-3, coarse_command_2=-4e-3)
+    memory = Memory.from_buffer(host.slave.memory)
+    for _ in range(300):
+        set_all(host, MOTION, rng.normal(size=9) * np.repeat(10.0 ** rng.uniform(-3.0, [3.0, 2.0, 1.5]), 3))
+        try:
+            done.append(host.slave.do_step(host.slave.time, float(rng.choice([1e-4, 1e-3, 1e-2]))))
+        except (ModelError, Refused):
+            done.append(False)
+        R = np.reshape(memory.place.rotation, (3, 3))
+        np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-9)
+    assert any(done) and not all(done)
 
 
 def test_base_is_one_of_two_words() -> None:

@@ -10,7 +10,11 @@
 /* Places in the state: fine legs; position and turn of B. */
 enum { FINE = 0, SHIFT = 3, TURN = 6 };
 
-static void move_place(double t[3], double R[9], const double J_pl[36], const double lengths[6])
+/* Largest turn of the platform about an axis in an inner step, rad: the series of turn_rotation hold up to 0.5 rad. */
+static const double MOST_TURN = 0.25;
+
+/* False: it turns too far. */
+static bool move_place(double t[3], double R[9], const double J_pl[36], const double lengths[6])
 {
     double move[6];
     for (int i = 0; i < 6; i++) {
@@ -21,6 +25,7 @@ static void move_place(double t[3], double R[9], const double J_pl[36], const do
     for (int i = 0; i < 3; i++)
         t[i] += move[i];
     turn_rotation(R, move + 3);
+    return largest(move + 3, NULL, 3) <= MOST_TURN;
 }
 
 static void find_lengths(const Plant *p, const double t[3], const double R[9], double lengths[6])
@@ -37,18 +42,19 @@ static void find_lengths(const Plant *p, const double t[3], const double R[9], d
 }
 
 /* By the change of the lengths, and one correction by what they lack then. */
-static void follow(const Plant *p, const double J_pl[36], const double change[6], const double lengths[6], double t[3],
+static bool follow(const Plant *p, const double J_pl[36], const double change[6], const double lengths[6], double t[3],
                    double R[9])
 {
     double present[6];
-    move_place(t, R, J_pl, change);
+    const bool near = move_place(t, R, J_pl, change);
     find_lengths(p, t, R, present);
     for (int k = 0; k < 6; k++)
         present[k] = lengths[k] - present[k];
-    move_place(t, R, J_pl, present);
+    return move_place(t, R, J_pl, present) && near;
 }
 
-static void follow_legs(const Plant *p, const double *before, const double *x, Place *place)
+/* False: the platform turns too far. */
+static bool follow_legs(const Plant *p, const double *before, const double *x, Place *place)
 {
     const Mechanism *m = p->mechanism;
     const int64_t n = count_coordinates(p), s = 2 * n, rods = 9 + m->n_bus;
@@ -63,8 +69,8 @@ static void follow_legs(const Plant *p, const double *before, const double *x, P
         nominal[3 + k] = m->nominal_lengths[3 + k];
         lengths[3 + k] = nominal[3 + k] + x[FINE + k];
     }
-    follow(p, p->point.J_pl, change, lengths, place->translation, place->rotation);
-    follow(p, p->point.nominal_J_pl, nominal_change, nominal, place->nominal_translation, place->nominal_rotation);
+    return follow(p, p->point.J_pl, change, lengths, place->translation, place->rotation) &&
+           follow(p, p->point.nominal_J_pl, nominal_change, nominal, place->nominal_translation, place->nominal_rotation);
 }
 
 #endif
