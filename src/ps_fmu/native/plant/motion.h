@@ -148,7 +148,8 @@ static bool move_on(Plant *p, Memory *w, double *x, double h, const double *inpu
     }
     memcpy(middle, w->place.attitude, sizeof middle);
     turn_attitude(middle, half);
-    follow_legs(p, w->before, x, &w->place);
+    if (!follow_legs(p, w->before, x, &w->place))
+        return false;
     memcpy(w->input, input, sizeof w->input);
     if (!p->prescribed)
         carry(w, input, middle, position, model->mass, h);
