@@ -19,11 +19,21 @@ class Disturbance(Slave):
         *vector("force_amplitude", "xyz", "N", "In B", causality="parameter", start=[0.05, 0.0, 0.02]),
         *vector("torque_amplitude", "xyz", "N.m", "In B", causality="parameter", start=[0.0, 0.01, 0.0]),
     )
-    block_rows = 1000  # of the outputs, which are made ahead: their steps need no Python
+    n_auxiliary = 6  # the wrench, which an event computes before each step
 
-    def rows(self, t, h, n):
-        """Outputs (n, 6) at the ends of the next n steps, t + h to t + n h (s)."""
-        time = self.times(t, h, n)
-        rise = np.clip(time, 0.0, 1.0) ** 2 * (3.0 - 2.0 * np.clip(time, 0.0, 1.0))
+    def configure(self):
+        """Zero at the start, and an event before the first step."""
+        self.y[:] = 0.0
+        self.request_event()
+
+    def step_map(self, h):
+        """Outputs are the wrench."""
+        return np.eye(6)
+
+    def event(self, t, h):
+        """The wrench at the end of the step from t to t + h (s); True: before the next step as well."""
+        time = t + h - self.start_time
+        rise = min(time, 1.0) ** 2 * (3.0 - 2.0 * min(time, 1.0))
         amplitude = np.concatenate([self.values("force_amplitude"), self.values("torque_amplitude")])
-        return np.outer(rise * np.sin(2 * np.pi * self.value("frequency") * time), amplitude)
+        self.a[:] = rise * np.sin(2 * np.pi * self.value("frequency") * time) * amplitude
+        return True

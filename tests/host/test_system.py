@@ -129,9 +129,11 @@ def test_two_versions_of_an_fmu(unpacked, host, tmp_path):
     """The second has twice the force."""
     source = shutil.copytree(FMUS / "feedforward_isolator", tmp_path / "feedforward_isolator")
     script = source / "feedforward_isolator.py"
-    old, new = "framed[:3] = 0.0", "framed[:3] = 0.0\n        framed[:3] *= 2.0"
-    assert old in script.read_text()
-    script.write_text(script.read_text().replace(old, new))
+    old = "        if self.delay:\n"
+    new = "        elements.append(Linear(force, 2.0 * np.eye(3), force))\n" + old
+    text = script.read_text().replace("Hold, Product", "Hold, Linear, Product")
+    assert old in text
+    script.write_text(text.replace(old, new))
     second = unpack(build_one(source, tmp_path), tmp_path / "second")
     files = [told(unpacked["isolator"], step=STEP), told(second, step=STEP)]
     forces = np.array(printed(host("run", STEPS, *files, **ONE_THREAD)))

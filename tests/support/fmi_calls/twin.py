@@ -28,6 +28,7 @@ SETTABLE = {
     "parameter": {LifePhase.INSTANTIATED, LifePhase.INITIALISATION},
     "input": {LifePhase.INSTANTIATED, LifePhase.INITIALISATION, LifePhase.STEPPING},
     "output": set(),
+    "local": set(),
 }
 """In which phases variables may be set: fixed parameters with initial = exact, inputs, calculated outputs."""
 
@@ -60,7 +61,7 @@ class Twin:
         """As after instantiation; the states stay."""
         self.slave = self.make()
         self.ports = self.slave.layout.by_reference
-        start = {reference: port.start for reference, port in self.ports.items() if port.causality != "output"}
+        start = {reference: port.start for reference, port in self.ports.items() if port.causality in ("input", "parameter")}
         self.known = Known(LifePhase.INSTANTIATED, False, start, 0.0, inf)
 
     def outcome(self, action: Callable[[], Any]) -> tuple[int, Any, list[Message]]:
@@ -138,7 +139,7 @@ class Twin:
         values = {
             vr: state.strings[vr - size] if vr >= size else type(port.start)(numbers[vr])
             for vr, port in self.ports.items()
-            if port.causality != "output"
+            if port.causality in ("input", "parameter")
         }
         self.states[address] = (state, Known(clock.phase, clock.ready, values, clock.time, clock.stop))
 
