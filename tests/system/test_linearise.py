@@ -27,16 +27,19 @@ def linear(built_fmus):
 
 
 def test_a_system_has_the_poles_and_responses_of_the_closed_form_of_its_steps(linear, built_fmus):
-    """The closed form has the steps of the exchange; poles go to those of the continuous system with the step."""
+    """The closed form has the steps of the exchange; poles go to those of the continuous system with the step.
+
+    Those of the high-pass, below 1e-3 rad/s, are left out: twelve lie together, and rounding moves them by 4e-4.
+    """
     system = read_system(SYSTEM, built_fmus)
     poles, distances = np.linalg.eigvals(linear.A), []
     for step in (1e-4, 1e-5):
         theirs = Circuit(read_model(system, step), True).poles
-        slow = theirs[np.abs(theirs) < 3e3]
-        assert len(slow) > 50
-        distances.append(max(np.abs(poles - pole).min() / max(abs(pole), 1e-2) for pole in slow))
-    assert distances[0] < 6e-3
-    assert distances[1] < 0.13 * distances[0]
+        compared = theirs[(np.abs(theirs) > 1e-2) & (np.abs(theirs) < 3e3)]
+        assert len(compared) == 28
+        distances.append(max(np.abs(poles - pole).min() / abs(pole) for pole in compared))
+    assert distances[0] < 1e-4
+    assert distances[1] == pytest.approx(0.1 * distances[0], rel=0.01)
     frequency = np.geomspace(1.0, 100.0, 40)
     one, two = (Circuit(read_model(system, h), True).respond(frequency, ROTATION, [SOURCE]) for h in (1e-5, 2e-5))
     theirs = 2.0 * one - two

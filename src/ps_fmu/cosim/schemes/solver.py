@@ -86,12 +86,13 @@ class InterfaceSolver:
     def solve(self, evaluate: Callable[[Array], Array], z: Array, derive: Callable[[], Array | None]) -> Solution:
         """Find z, from a first guess; the last call of ``evaluate`` is that of the solution.
 
-        ``derive()`` gives the Jacobian of F (n, n) at the last z, where that costs no evaluation, else None.
+        ``derive()`` gives the Jacobian of F (n, n) at the last z, where that costs no evaluation, else None.  FMUs may
+        give the derivatives at the end of a short step: where two changes by these do not suffice, differences follow.
 
         Raises :class:`NotConverged`.
         """
         iteration, largest = self._iteration, self._largest
-        passes, before, fresh = 1, np.inf, False
+        passes, before, fresh, derived = 1, np.inf, False, False
         found = evaluate(z)
         for count in range(iteration.limit + 1):
             residual = found - z
@@ -110,8 +111,9 @@ class InterfaceSolver:
                 found = evaluate(z)
                 passes += 1
                 continue
-            if self._jacobian is None or (norm > _SLOW * before and not fresh):
-                exact = derive()
+            if self._jacobian is None or (norm > _SLOW * before and not fresh) or (derived and count == 2):
+                exact = None if derived else derive()
+                derived = exact is not None
                 self._jacobian = self._difference(evaluate, z, found) if exact is None else exact - np.eye(len(z))
                 passes += 0 if exact is not None else len(z)
                 fresh = True

@@ -101,7 +101,10 @@ class Values(Model):
             self._configure()
         first = self.layout.first_rate
         if self.layout.rates and any(reference >= first for reference in references):
-            rates = self._find_rates()
+            try:
+                rates = self._find_rates()
+            except ModelError:  # not linear now, for example by a delay: hosts that read all variables go on
+                rates = np.full(self.n_states, np.nan)
             read = self._buffer.typed
             return [float(rates[vr - first]) if vr >= first else read(vr) for vr in references]
         return [self._buffer.typed(reference) for reference in references]
