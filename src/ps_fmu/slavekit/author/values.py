@@ -103,7 +103,7 @@ class Values(Model):
         if self.layout.rates and any(reference >= first for reference in references):
             try:
                 rates = self._find_rates()
-            except ModelError:  # not linear now, for example by a delay: hosts that read all variables go on
+            except (ModelError, Refused):  # not linear, as by a delay, or not initialised: hosts that read all go on
                 rates = np.full(self.n_states, np.nan)
             read = self._buffer.typed
             return [float(rates[vr - first]) if vr >= first else read(vr) for vr in references]
