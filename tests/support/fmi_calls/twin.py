@@ -61,7 +61,8 @@ class Twin:
         """As after instantiation; the states stay."""
         self.slave = self.make()
         self.ports = self.slave.layout.by_reference
-        start = {reference: port.start for reference, port in self.ports.items() if port.causality in ("input", "parameter")}
+        given = ("input", "parameter")
+        start = {reference: port.start for reference, port in self.ports.items() if port.causality in given}
         self.known = Known(LifePhase.INSTANTIATED, False, start, 0.0, inf)
 
     def outcome(self, action: Callable[[], Any]) -> tuple[int, Any, list[Message]]:
