@@ -110,7 +110,7 @@ class Model(Fmi2Slave):
         None: there is no map, elements do all.  May have fewer columns: the last operands are then not used.  An
         operand that is 0 costs nothing.
         """
-        raise NotImplementedError(f"{type(self).__name__} has no step_map")
+        raise NotImplementedError(f"{type(self).__name__} has no step_map: define step_map(h), or continuous()")
 
     def before_map(self, h: float) -> Sequence[Element]:
         """Return the elements of a step of size h, s, before the map, in this order; see :mod:`.elements`.
